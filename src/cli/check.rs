@@ -76,18 +76,26 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
         }
         FileKind::Study => {
             let plan = StudyPlan::load(path, false)?;
-            StudyPlan::load(path, true)?;
+            if plan
+                .cells
+                .iter()
+                .any(|cell| cell.source.external().is_none())
+            {
+                StudyPlan::load_before_results(path, true)?;
+            }
             for cell in &plan.cells {
-                let warning = cell.experiment.warning();
-                warnings.extend(warning.map(|warning| format!("cell `{}`: {warning}", cell.name)));
+                let cell_warnings = cell.source.warnings().into_iter();
+                warnings.extend(
+                    cell_warnings.map(|warning| format!("cell `{}`: {warning}", cell.name)),
+                );
             }
             let (cells, claims) = (
                 pluralize(plan.cells.len(), "cell"),
                 pluralize(plan.study().claims.len(), "claim"),
             );
             Ok(format!(
-                "study with {cells}, {} each, and {claims}",
-                pluralize(plan.repeats() as usize, "run")
+                "study with {cells}, {}, and {claims}",
+                describe_runs(&plan)
             ))
         }
     }?;
@@ -95,6 +103,23 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
         description,
         warnings,
     })
+}
+
+/// Number of runs per cell, such as `20 runs each`, and of runs of others.
+pub(super) fn describe_runs(plan: &StudyPlan) -> String {
+    let external = || plan.cells.iter().filter_map(|cell| cell.source.external());
+    let mut parts = Vec::new();
+    if external().count() < plan.cells.len() {
+        parts.push(format!(
+            "{} each",
+            pluralize(plan.repeats() as usize, "run")
+        ));
+    }
+    if external().count() > 0 {
+        let runs: usize = external().map(|runs| runs.runs().count()).sum();
+        parts.push(format!("{} of others", pluralize(runs, "run")));
+    }
+    parts.join(" and ")
 }
 
 /// Description of a tabular scenario, e.g. `100 agents in BipolarChain, SeedSampling`.

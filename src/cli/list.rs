@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::check::{MAX_NAMED_OBSERVATIONS, describe_tabular, format_actions};
+use super::check::{MAX_NAMED_OBSERVATIONS, describe_runs, describe_tabular, format_actions};
 use super::{CliError, ListKind, algorithms_page, pluralize};
 use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
@@ -163,7 +163,9 @@ fn print_scenarios() {
 /// One-line description of a scenario or a study.
 fn describe(path: &Path) -> Result<String, InputError> {
     match input::file_kind(&path.display().to_string(), &input_files::read_text(path)?)? {
-        FileKind::Study => Ok(describe_study(&StudyPlan::load(path, false)?)),
+        FileKind::Study => Ok(describe_study(&StudyPlan::load_before_results(
+            path, false,
+        )?)),
         FileKind::TabularScenario => describe_tabular(path),
         FileKind::Scenario | FileKind::Environment | FileKind::TabularEnvironment => {
             Ok(describe_scenario(&Plan::load(path, &[])?))
@@ -172,11 +174,12 @@ fn describe(path: &Path) -> Result<String, InputError> {
 }
 
 fn describe_study(plan: &StudyPlan) -> String {
-    let (cells, runs) = (
-        pluralize(plan.cells.len(), "cell"),
-        pluralize(plan.repeats() as usize, "run"),
-    );
-    format!("study: {}; {cells}, {runs} each", plan.study().title)
+    let cells = pluralize(plan.cells.len(), "cell");
+    format!(
+        "study: {}; {cells}, {}",
+        plan.study().title,
+        describe_runs(plan)
+    )
 }
 
 fn describe_scenario(plan: &Plan) -> String {

@@ -337,6 +337,10 @@ struct EvaluateArgs {
   seedbed study mine.ron --register                       fix claims, cells and numbers of runs in mine.ron.lock
   seedbed study mine.ron --confirm                        run what is registered, with run seeds of its own
 
+Results of other libraries, as cells of mine.ron beside cells with a scenario:
+  (name: \"SB3 PPO\", results: Monitor(\"sb3/ppo-*/\"))
+  (name: \"CleanRL\", results: TensorBoard(runs: \"cleanrl/*/\", tag: \"charts/episodic_return\"))
+
 Repeat the same command to resume an interrupted study. After an edit of the study file only \
 affected runs are repeated.")]
 struct StudyArgs {

@@ -165,7 +165,7 @@ impl StudyProgress {
                 .with_prefix(name.to_owned())
                 .with_style(style)
         });
-        let cost = planned.iter().map(|run| run.cell.experiment.cost()).sum();
+        let cost = planned.iter().map(|run| run.cell.source.cost()).sum();
         let progress = Self {
             bar,
             runs: planned.len(),
@@ -182,7 +182,7 @@ impl StudyProgress {
 
     pub(super) fn run_finished(&mut self, run: &PlannedRun<'_>) {
         self.finished_runs += 1;
-        self.finished_cost += run.cell.experiment.cost();
+        self.finished_cost += run.cell.source.cost();
         self.show();
         let tenths = (10.0 * self.finished_share() + 1e-9) as usize;
         let is_due = tenths > self.printed_tenths || self.last_line.elapsed() > MAX_SILENCE;

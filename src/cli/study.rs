@@ -55,7 +55,12 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
 
 /// Reads a study and, with `--confirm`, its lock.
 fn load(args: &StudyArgs, path: &Path) -> Result<StudyPlan, CliError> {
-    let plan = StudyPlan::load(path, args.quick)?;
+    // Before they exist, results of others can be registered, and are missing in a confirmation.
+    let plan = if args.register || args.confirm {
+        StudyPlan::load_before_results(path, args.quick)?
+    } else {
+        StudyPlan::load(path, args.quick)?
+    };
     if args.confirm {
         plan.registered().map_err(registration_error)
     } else {
@@ -86,6 +91,21 @@ fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, CliError> {
         pluralize(plan.cells.len(), "cell"),
         plan.repeats()
     );
+    for results in &lock.registered.results_of_others {
+        say!(
+            "of others  {}: {}; not fixed: {}",
+            results.cell,
+            pluralize(results.runs as usize, "run"),
+            results.not_fixed
+        );
+    }
+    let seen_files = lock.registered.seen_files.len();
+    if seen_files > 0 {
+        say!(
+            "seen       {} of results, which --confirm does not use",
+            pluralize(seen_files, "file")
+        );
+    }
     let ancestors = lock.registered.ancestors.len();
     if ancestors > 0 {
         say!(
@@ -208,9 +228,9 @@ fn print_runs(plan: &StudyPlan, folder: &StudyFolder) -> usize {
             None => "to run",
         };
         say!(
-            "{:>6}  {state:<8}  run seed {:<6}  {}",
+            "{:>6}  {state:<8}  {:<15}  {}",
             run.index,
-            run.run_seed,
+            run.label(),
             run.cell.name
         );
     }
@@ -301,24 +321,32 @@ fn run_missing(
     let mut missing = plan.distinct_runs();
     missing.retain(|run| {
         let stored = folder.stored_run(run);
-        run.repeat < runs_per_cell && !stored.is_some_and(|stored| keeps_result(args, &stored))
+        run.is_among_first(runs_per_cell)
+            && !stored.is_some_and(|stored| keeps_result(args, &stored))
     });
     let (cells, runs) = (
         pluralize(plan.cells.len(), "cell"),
         pluralize(runs_per_cell as usize, "run"),
     );
-    say!(
-        "study      {}: {cells}, {runs} each, {} to run",
-        plan.name,
-        missing.len()
-    );
+    let to_read = missing.iter().filter(|run| run.name.is_some()).count();
+    let to_run = missing.len() - to_read;
+    if plan
+        .cells
+        .iter()
+        .any(|cell| cell.source.external().is_none())
+    {
+        say!(
+            "study      {}: {cells}, {runs} each, {to_run} to run",
+            plan.name
+        );
+    } else {
+        say!("study      {}: {cells}", plan.name);
+    }
+    print_results_of_others(plan);
     let started = Instant::now();
     let failures = execute_runs(args, &missing, folder, &plan.name)?;
-    if !missing.is_empty() {
-        let (run_count, thread_count) = (
-            pluralize(missing.len(), "run"),
-            pluralize(jobs(args), "thread"),
-        );
+    if to_run > 0 {
+        let (run_count, thread_count) = (pluralize(to_run, "run"), pluralize(jobs(args), "thread"));
         say!(
             "finished   {run_count} in {:.1} s on {thread_count}",
             started.elapsed().as_secs_f64()
@@ -326,6 +354,24 @@ fn run_missing(
     }
     print_failures(&failures);
     Ok(())
+}
+
+/// Prints how many runs of others were found, and what is wrong with their files.
+fn print_results_of_others(plan: &StudyPlan) {
+    for cell in &plan.cells {
+        let Some(external) = cell.source.external() else {
+            continue;
+        };
+        say!(
+            "of others  {}: {} in {}",
+            cell.name,
+            pluralize(external.runs().count(), "run"),
+            external.pattern()
+        );
+        for warning in cell.source.warnings() {
+            eprintln!("warning: cell `{}`: {warning}", cell.name);
+        }
+    }
 }
 
 /// Repeats at most `max_runs` of the stored runs and compares the results. Returns the number of
@@ -479,7 +525,7 @@ fn print_failures(failures: &[String]) {
 
 /// A run with a message, e.g. `σ 0.1, run seed 1000: message`.
 fn describe_run(run: &PlannedRun<'_>, message: &str) -> String {
-    format!("{}, run seed {}: {message}", run.cell.name, run.run_seed)
+    format!("{}, {}: {message}", run.cell.name, run.label())
 }
 
 fn interruption_error(study_name: &str) -> CliError {

@@ -2,6 +2,7 @@
 //! CSV, Parquet or NumPy arrays, and curves for TensorBoard.
 
 mod csv;
+pub mod event_file;
 mod npz;
 mod parquet;
 mod states;

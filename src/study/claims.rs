@@ -76,7 +76,8 @@ pub fn evaluate(results: &Results) -> Vec<ClaimResult> {
     claim_results
 }
 
-/// Claims with the first `runs` runs of each cell, or with all; `None` for claims without runs.
+/// Claims with the first `runs` runs of each cell, or with all; `None` for claims without runs. Results
+/// of others have no order and one look, at all of them.
 fn compared_claims(results: &Results, runs: Option<u64>) -> Vec<Option<ComparedClaim<'_>>> {
     let mut run_seeds = results.manifest.run_seeds();
     run_seeds.truncate(runs.unwrap_or(u64::MAX) as usize);
@@ -141,9 +142,12 @@ impl<'a> ComparedClaim<'a> {
     fn new(results: &Results, claim: &'a Claim, run_seeds: &HashSet<u64>) -> Option<Self> {
         let measure = results.study.measure_of(claim);
         let scores = |cell: &str| {
-            let cell = results.cell(cell);
-            let mut scores = cell.map_or(Vec::new(), |cell| cell.scores(measure).to_vec());
-            scores.retain(|score| run_seeds.contains(&score.run_seed));
+            let Some(cell) = results.cell(cell) else {
+                return Vec::new();
+            };
+            let mut scores = cell.scores(measure).to_vec();
+            let is_external = cell.description.external.is_some();
+            scores.retain(|score| is_external || run_seeds.contains(&score.run_seed));
             scores
         };
         let quantity = Quantity::of(measure, horizon(results, claim));

@@ -2,6 +2,7 @@
 //! is solved, and the speed-up over the best single agent.
 
 use super::comparison::times_to_event;
+use super::external::Unknown;
 use super::measure::{Curve, Measure};
 use super::results::{CellResults, Results};
 use super::run_result::RunResult;
@@ -14,12 +15,12 @@ use seedbed_stats::shares::Share;
 pub struct Cost {
     /// Share of runs that solved the task; `None` if no threshold is set.
     pub solved: Option<Share>,
-    /// Episodes of each agent.
-    pub episodes: f64,
-    /// Environment steps of the team.
-    pub env_steps: f64,
-    /// Gradient steps of all networks of the team.
-    pub gradient_steps: f64,
+    /// Episodes of each agent; `None` if unknown.
+    pub episodes: Option<f64>,
+    /// Environment steps of the team; `None` if unknown.
+    pub env_steps: Option<f64>,
+    /// Gradient steps of all networks of the team; `None` if unknown.
+    pub gradient_steps: Option<f64>,
     /// Speed-up over the best single agent; `None` if the study has no single agent in this task.
     pub speedup: Option<Speedup>,
 }
@@ -29,24 +30,24 @@ pub struct Cost {
 pub struct RunCost {
     /// Whether the run solved its task; `None` if no threshold is set.
     pub solved: Option<bool>,
-    /// Episodes of each agent.
-    pub episodes: f64,
-    /// Environment steps of the team.
-    pub env_steps: f64,
-    /// Gradient steps of all networks of the team.
-    pub gradient_steps: f64,
+    /// Episodes of each agent; `None` if unknown.
+    pub episodes: Option<f64>,
+    /// Environment steps of the team; `None` if unknown.
+    pub env_steps: Option<f64>,
+    /// Gradient steps of all networks of the team; `None` if unknown.
+    pub gradient_steps: Option<f64>,
     /// Whether the policy loss was not 0 in some round; `None` without a policy loss.
     pub had_policy_gradient: Option<bool>,
 }
 
 impl RunCost {
-    pub(super) fn of(run: &RunResult) -> Self {
+    pub(super) fn of(run: &RunResult, unknown: Unknown) -> Self {
         let policy_losses = run.curve(Curve::PolicyLoss);
         Self {
             solved: run.threshold.map(|_| run.solved.is_some()),
-            episodes: episodes(run),
-            env_steps: env_steps(run),
-            gradient_steps: gradient_steps(run),
+            episodes: (!unknown.episodes).then(|| episodes(run)),
+            env_steps: (!unknown.env_steps).then(|| env_steps(run)),
+            gradient_steps: (!unknown.gradient_steps).then(|| gradient_steps(run)),
             had_policy_gradient: (!policy_losses.is_empty())
                 .then(|| policy_losses.iter().any(|loss| *loss != 0.0)),
         }
@@ -72,8 +73,10 @@ pub fn costs(results: &Results) -> Vec<(&CellResults, Cost)> {
 
 fn cost(results: &Results, cell: &CellResults) -> Cost {
     let runs = || cell.costs.iter().map(|(_, run)| run);
-    let mean_over_runs =
-        |quantity: fn(&RunCost) -> f64| mean(&runs().map(quantity).collect::<Vec<_>>());
+    let mean_over_runs = |quantity: fn(&RunCost) -> Option<f64>| {
+        let values: Option<Vec<f64>> = runs().map(quantity).collect();
+        values.map(|values| mean(&values))
+    };
     let has_threshold = runs().all(|run| run.solved.is_some());
     Cost {
         solved: has_threshold.then(|| Share {
@@ -113,11 +116,14 @@ fn gradient_steps(run: &RunResult) -> f64 {
 /// all cells in this task.
 fn speedup(results: &Results, cell: &CellResults) -> Option<Speedup> {
     let task = &cell.description.task;
+    if cell.unknown().episodes {
+        return None;
+    }
     let cells = || {
         results
             .cells
             .iter()
-            .filter(|other| other.description.task == *task)
+            .filter(|other| other.description.task == *task && !other.unknown().episodes)
     };
     let horizon = cells().map(|other| other.description.max_episodes).min()?;
     if cells().all(|other| other.description.agents == 1) {

@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::external::source::{ResultsSource, SolvedAt};
 use super::figure::Figure;
 use super::measure::Measure;
 use seedbed_env::input::numbers::{Count, Fraction, Positive, ranged_count};
@@ -57,6 +58,17 @@ pub struct Study {
     /// Without it, claims cannot be `paired`.
     #[serde(default)]
     pub pairs_share: String,
+    /// When results of others count as solved, in all cells that do not say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub solved: Option<SolvedAt>,
+    /// Maximum number of episodes per agent of results of others, in all cells that do not give
+    /// another one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_episodes: Option<Count>,
+    /// Maximum number of environment steps of the team of results of others, in all cells that do not
+    /// give another one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_steps: Option<Count<4_000_000_000>>,
     /// Which cells explore without direction, for a study that compares exploration.
     // Not in the hash of studies that lack it, so that locks of earlier versions stay valid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -114,6 +126,30 @@ pub struct NamedCell {
     /// Values to replace in the scenario, after the replacements of the study.
     #[serde(default)]
     pub set: Vec<Located<String>>,
+    /// Results that others made, in place of runs of a scenario.
+    // The fields of such cells are not in the hash of studies that lack them, so that locks of
+    // earlier versions stay valid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub results: Option<ResultsSource>,
+    /// Name of the task of these results [default: the task of the other cells].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub task: Option<Located<String>>,
+    /// Number of these runs [default: as many as there are, and in a registered study its `repeats`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeats: Option<Located<Count<100_000>>>,
+    /// Number of agents of each of these runs [default: as the files say].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub agents: Option<Located<Count>>,
+    /// When these runs count as solved [default: as the study says].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub solved: Option<Located<SolvedAt>>,
+    /// Maximum number of episodes per agent [default: as the study says]. Later episodes are not used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_episodes: Option<Located<Count>>,
+    /// Maximum number of environment steps of the team [default: as the study says]. Episodes that
+    /// ended later are not used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_steps: Option<Located<Count<4_000_000_000>>>,
 }
 
 /// Settings of a shorter version of the study, to check it before the long runs.
@@ -188,6 +224,12 @@ impl Claim {
     pub fn number(&self) -> Option<f64> {
         let number: f64 = self.compare.1.parse().ok()?;
         number.is_finite().then_some(number)
+    }
+
+    /// Whether the claim compares the cell with this name.
+    #[must_use]
+    pub fn is_about(&self, cell: &str) -> bool {
+        self.cells().any(|name| name.as_str() == cell)
     }
 
     /// Names of the compared cells.
@@ -330,6 +372,94 @@ impl Study {
         self.claims
             .iter()
             .try_for_each(|claim| self.check_claim(claim))
+    }
+
+    /// Checks the fields of cells that have results of others, before these are read.
+    ///
+    /// # Errors
+    /// The invalid field, and the reason.
+    pub(super) fn check_results(&self) -> Result<(), ValidationError> {
+        for cell in &self.cells {
+            let has_scenario = cell.scenario.is_some() || !cell.set.is_empty();
+            let has_fields_of_results = cell.task.is_some()
+                || cell.repeats.is_some()
+                || cell.agents.is_some()
+                || cell.solved.is_some()
+                || cell.max_episodes.is_some()
+                || cell.max_steps.is_some();
+            if cell.results.is_some() && has_scenario {
+                return Err(cell.name.error(
+                    "a cell with `results` is not run; expected no `scenario` and no `set`",
+                ));
+            }
+            if cell.results.is_none() && has_fields_of_results {
+                return Err(cell.name.error(
+                    "`task`, `repeats`, `agents`, `solved`, `max_episodes` and `max_steps` are for cells with `results`; \
+                     expected them in the scenario, or `results`",
+                ));
+            }
+        }
+        let has_results = self.cells.iter().any(|cell| cell.results.is_some());
+        let has_fields_of_results =
+            self.solved.is_some() || self.max_episodes.is_some() || self.max_steps.is_some();
+        if has_fields_of_results && !has_results {
+            return Err(self.repeats.error(
+                "`solved`, `max_episodes` and `max_steps` are for cells with `results`, and the study has none; expected \
+                 them in the scenario",
+            ));
+        }
+        if has_results && self.looks().len() > 1 {
+            return Err(self.looks.error(
+                "results of others have no order, so that no lock could say which are the first; expected one look",
+            ));
+        }
+        let claims = self.claims.iter();
+        claims
+            .into_iter()
+            .try_for_each(|claim| self.check_claim_about_results(claim))
+    }
+
+    /// Checks a claim that may compare results of others.
+    fn check_claim_about_results(&self, claim: &Claim) -> Result<(), ValidationError> {
+        let compared: Vec<&NamedCell> = claim
+            .cells()
+            .filter_map(|name| self.cells.iter().find(|cell| cell.name == *name))
+            .filter(|cell| cell.results.is_some())
+            .collect();
+        if !compared.is_empty() && *claim.paired {
+            return Err(claim.paired.error(
+                "run seeds of others are not known, so that their runs cannot be paired; expected `paired: false`",
+            ));
+        }
+        let measure = self.measure_of(claim);
+        let counts_episodes = matches!(measure, Measure::EpisodesToSolve | Measure::FirstGoal);
+        let needs_horizon = claim.confirmatory && counts_episodes && claim.horizon.is_none();
+        let has_no_maximum =
+            |cell: &&NamedCell| cell.max_episodes.is_none() && self.max_episodes.is_none();
+        if needs_horizon && compared.iter().any(has_no_maximum) {
+            return Err(claim.compare.0.error(
+                "a confirmatory claim on a time of results of others needs a number of episodes up to which times are \
+                 compared; expected `horizon` in the claim, or `max_episodes` in the cell or the study",
+            ));
+        }
+        Ok(())
+    }
+
+    /// The cell with this name, if it has results of others.
+    #[must_use]
+    pub fn external_cell(&self, name: &str) -> Option<&NamedCell> {
+        let cell = self.cells.iter().find(|cell| *cell.name == name)?;
+        cell.results.is_some().then_some(cell)
+    }
+
+    /// Number of runs that others should have made of the cell with this name; `None` if any number is
+    /// right.
+    #[must_use]
+    pub fn expected_runs_of_others(&self, cell: &str, is_registered: bool) -> Option<u64> {
+        let repeats = self.external_cell(cell)?.repeats.as_ref();
+        let of_study = is_registered.then_some(self.repeats.get());
+        let expected = repeats.map(|repeats| repeats.get()).or(of_study);
+        expected.map(u64::from)
     }
 
     fn check_claim(&self, claim: &Claim) -> Result<(), ValidationError> {

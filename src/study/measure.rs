@@ -172,6 +172,25 @@ impl Measure {
         }
     }
 
+    /// The curve whose values this measure needs; `None` if it needs no curve.
+    #[must_use]
+    pub fn curve(self) -> Option<Curve> {
+        match self {
+            Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => Some(of),
+            Self::Coverage => Some(Curve::TeamCoverage),
+            _ => None,
+        }
+    }
+
+    /// Whether this measure needs the returns of single episodes, or counts episodes.
+    #[must_use]
+    pub fn counts_episodes(self) -> bool {
+        !matches!(
+            self,
+            Self::Solved | Self::EnvStepsToSolve | Self::Mean { .. } | Self::Last { .. }
+        )
+    }
+
     /// Whether this measure is 0 or 1 for each run.
     #[must_use]
     pub fn is_yes_or_no(self) -> bool {

@@ -1,7 +1,8 @@
 //! Studies: repeated runs of several cells (settings), and the evaluation of claims about them.
 //!
 //! A study [`mod@file`] with its [`figure`]s is read into a [`plan`] of [`experiment`]s. The
-//! [`runner`] runs what is still missing, and the [`store`] keeps each result. [`comparison`] and
+//! [`runner`] runs what is still missing, and the [`store`] keeps each result. Cells may also have results
+//! that others made ([`external`]); [`run_source`] is the only place that distinguishes the two. [`comparison`] and
 //! [`claims`] evaluate the [`results`], [`cost`] says what they took, [`gate`] whether the task is one
 //! of exploration, and the [`report`] presents them. The unit of all
 //! statistics is a run of the whole team: agents and episodes of one run depend on each other, so
@@ -14,6 +15,7 @@ pub mod claims;
 pub mod comparison;
 pub mod cost;
 pub mod experiment;
+pub mod external;
 pub mod figure;
 pub mod file;
 pub mod gate;
@@ -27,5 +29,6 @@ pub mod report;
 pub mod result_file;
 pub mod results;
 pub mod run_result;
+pub mod run_source;
 pub mod runner;
 pub mod store;

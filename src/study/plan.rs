@@ -4,11 +4,13 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::experiment::{self, Experiment, LoadError, LoadStep};
+use super::experiment::{self, LoadError, LoadStep};
+use super::external::{ExternalRuns, ExternalSpec, Problem, SeenFiles};
 use super::figure::{EpisodeWindow, Figure};
 use super::file::{Axis, NamedCell, Study};
 use super::measure::Measure;
 use super::registration::{Lock, RegistrationError};
+use super::run_source::RunSource;
 use crate::input_files::{self, Directory};
 use crate::text::file_stem;
 use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
@@ -31,17 +33,18 @@ pub struct StudyPlan {
     pub lock: Option<Lock>,
 }
 
-/// One cell of a study: a scenario with replaced values, of which there are several runs.
+/// One cell of a study: a scenario with replaced values, of which there are several runs, or runs
+/// that others made.
 #[derive(Clone, Debug)]
 pub struct Cell {
     /// Name, unique within the study.
     pub name: String,
-    /// Path of the scenario.
-    pub scenario: PathBuf,
+    /// Path of the scenario, or the source of results of others as in study files.
+    pub scenario: String,
     /// Values that are replaced in the scenario, each as `path=value`.
     pub overrides: Vec<String>,
-    /// Experiment to run.
-    pub experiment: Arc<dyn Experiment>,
+    /// Where its runs come from.
+    pub source: RunSource,
     /// Hash of everything on which runs of this cell depend, except their run seeds.
     pub digest: String,
     /// Numbers of first episodes whose visited states are stored, in ascending order.
@@ -57,18 +60,39 @@ pub struct PlannedRun<'a> {
     pub cell: &'a Cell,
     /// Index among the runs of its cell.
     pub repeat: u64,
-    /// Run seed.
+    /// Run seed or, of results of others, the id of the run.
     pub run_seed: u64,
+    /// Name of the run of others.
+    pub name: Option<&'a str>,
 }
 
 impl StudyPlan {
-    /// Reads and checks a study, all its scenarios and their tasks.
+    /// Reads and checks a study, all its scenarios and their tasks, and all results of others.
     ///
     /// # Errors
-    /// The first error in any of these files, located in the study file.
+    /// The first error in any of these files. If it is not in a file of results, it is located in the
+    /// study file.
     pub fn load(path: &Path, quick: bool) -> Result<Self, InputError> {
+        let plan = Self::load_before_results(path, quick)?;
+        for cell in &plan.cells {
+            if let Some(runs) = cell.source.external() {
+                runs.check_number(runs.repeats())
+                    .map_err(|error| plan.document.locate(error))?;
+            }
+        }
+        Ok(plan)
+    }
+
+    /// As [`load`](Self::load), but results of others need not exist yet.
+    ///
+    /// # Errors
+    /// See [`load`](Self::load).
+    pub fn load_before_results(path: &Path, quick: bool) -> Result<Self, InputError> {
         let document: Document<Study> = input_files::read(path)?;
-        let cells = cells(&document.value, path, quick).map_err(|error| document.locate(error))?;
+        let cells = cells(&document.value, path, quick).map_err(|problem| match problem {
+            Problem::Study(error) => document.locate(error),
+            Problem::Data(error) => error,
+        })?;
         let names: Vec<&str> = cells.iter().map(|cell| cell.name.as_str()).collect();
         document
             .value
@@ -91,7 +115,23 @@ impl StudyPlan {
     /// # Errors
     /// If the study is not registered, or if it differs from its lock.
     pub fn registered(mut self) -> Result<Self, RegistrationError> {
-        self.lock = Some(Lock::check(&self)?);
+        let lock = Lock::check(&self)?;
+        let seen = SeenFiles::new(lock.registered.seen_files.iter().map(|seen| &seen.file));
+        let repeats = self.repeats();
+        for cell in &mut self.cells {
+            let RunSource::External(runs) = &cell.source else {
+                continue;
+            };
+            let new = runs.without(&seen)?;
+            let expected = new.repeats().unwrap_or(repeats);
+            // Runs may be missing, but not too many.
+            if new.runs().count() as u64 > expected {
+                new.check_number(Some(expected))
+                    .map_err(|error| self.document.locate(error))?;
+            }
+            cell.source = RunSource::External(Arc::new(new));
+        }
+        self.lock = Some(lock);
         Ok(self)
     }
 
@@ -126,13 +166,22 @@ impl StudyPlan {
     pub fn runs(&self) -> Vec<PlannedRun<'_>> {
         let mut runs = Vec::new();
         for cell in &self.cells {
-            for repeat in 0..self.repeats() {
+            let mut add = |repeat: u64, run_seed: u64, name| {
+                let index = runs.len();
                 runs.push(PlannedRun {
-                    index: runs.len(),
+                    index,
                     cell,
                     repeat,
-                    run_seed: self.run_seed(repeat),
+                    run_seed,
+                    name,
                 });
+            };
+            if let Some(external) = cell.source.external() {
+                (0..).zip(external.runs()).for_each(|(repeat, run)| {
+                    add(repeat, run.id, Some(run.name.as_str()));
+                });
+            } else {
+                (0..self.repeats()).for_each(|repeat| add(repeat, self.run_seed(repeat), None));
             }
         }
         runs
@@ -164,6 +213,22 @@ impl StudyPlan {
 }
 
 impl PlannedRun<'_> {
+    /// Whether the run is one of the first `runs_per_cell` of its cell. Results of others have no
+    /// order, so that all of them are.
+    #[must_use]
+    pub fn is_among_first(&self, runs_per_cell: u64) -> bool {
+        self.name.is_some() || self.repeat < runs_per_cell
+    }
+
+    /// The run seed, such as `run seed 1000`, or the name of a run of others.
+    #[must_use]
+    pub fn label(&self) -> String {
+        match self.name {
+            Some(name) => format!("run {name}"),
+            None => format!("run seed {}", self.run_seed),
+        }
+    }
+
     /// Numbers of first episodes whose visited states are stored for this run.
     #[must_use]
     pub fn windows(&self) -> &[u32] {
@@ -178,6 +243,8 @@ type Override<'a> = (&'a Located<String>, String);
 #[derive(Clone, Default)]
 struct CellDraft<'a> {
     name_parts: Vec<String>,
+    /// The cell in the study file, if it has results of others.
+    external: Option<(&'a Study, &'a NamedCell)>,
     scenario: Option<Override<'a>>,
     overrides: Vec<Override<'a>>,
 }
@@ -198,7 +265,7 @@ fn cell_drafts(study: &Study) -> Result<Vec<CellDraft<'_>>, ValidationError> {
         study
             .cells
             .iter()
-            .map(|cell| named_cell_draft(&shared_settings, cell)),
+            .map(|cell| named_cell_draft(&shared_settings, study, cell)),
     );
     if drafts.is_empty() {
         drafts.push(CellDraft {
@@ -209,7 +276,8 @@ fn cell_drafts(study: &Study) -> Result<Vec<CellDraft<'_>>, ValidationError> {
     Ok(drafts)
 }
 
-fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, ValidationError> {
+fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Problem> {
+    study.check_results()?;
     let drafts = cell_drafts(study)?;
     let quick_overrides = if quick {
         study.quick.set.as_slice()
@@ -228,12 +296,48 @@ fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Validatio
                 error_place,
                 study,
                 &format!("there are two cells named `{}`", cell.name),
-            ));
+            )
+            .into());
         }
         cells_so_far.push(cell);
     }
+    name_tasks_of_external_cells(study, &mut cells_so_far)?;
     share_windows(&mut cells_so_far);
     Ok(cells_so_far)
+}
+
+/// Name of the task of results of others, in studies that name no task.
+const UNNAMED_TASK: &str = "unnamed";
+
+/// Gives each cell of results of others the task that it names or, if it names none, the task of all
+/// other cells.
+fn name_tasks_of_external_cells(study: &Study, cells: &mut [Cell]) -> Result<(), ValidationError> {
+    let own_cells = cells.iter().filter(|cell| cell.source.external().is_none());
+    let mut own_tasks: Vec<String> = own_cells
+        .map(|cell| cell.source.task().to_owned())
+        .collect();
+    own_tasks.sort();
+    own_tasks.dedup();
+    for cell in cells {
+        let (RunSource::External(runs), Some(named_cell)) =
+            (&mut cell.source, study.external_cell(&cell.name))
+        else {
+            continue;
+        };
+        let task = match (&named_cell.task, &own_tasks[..]) {
+            (Some(task), _) => task.value().clone(),
+            (None, []) => UNNAMED_TASK.to_owned(),
+            (None, [task]) => task.clone(),
+            (None, _) => {
+                return Err(named_cell.name.error(format!(
+                    "the study has several tasks; expected `task: \"…\"` in this cell, one of {}",
+                    input::quoted_list(own_tasks.iter().map(String::as_str))
+                )));
+            }
+        };
+        Arc::make_mut(runs).task = task;
+    }
+    Ok(())
 }
 
 /// Gives each cell the windows of all cells with equal settings, because these cells share their
@@ -314,7 +418,18 @@ fn check_lists_of_with(axis: &Axis) -> Result<(), ValidationError> {
     )))
 }
 
-fn named_cell_draft<'a>(shared_settings: &CellDraft<'a>, cell: &'a NamedCell) -> CellDraft<'a> {
+fn named_cell_draft<'a>(
+    shared_settings: &CellDraft<'a>,
+    study: &'a Study,
+    cell: &'a NamedCell,
+) -> CellDraft<'a> {
+    if cell.results.is_some() {
+        return CellDraft {
+            name_parts: vec![cell.name.value().clone()],
+            external: Some((study, cell)),
+            ..CellDraft::default()
+        };
+    }
     let scenario = cell
         .scenario
         .as_ref()
@@ -390,13 +505,17 @@ impl<'a> CellDraft<'a> {
         folder: &Path,
         figures: &[Figure],
         error_place: Option<&Located<String>>,
-    ) -> Result<Cell, ValidationError> {
+    ) -> Result<Cell, Problem> {
+        if let Some((study, cell)) = self.external {
+            return external_cell(folder, study, cell);
+        }
         let Some((place, scenario)) = &self.scenario else {
             let place = error_place.cloned().unwrap_or_default();
             return Err(place.error(
                 "this cell has no scenario; expected `scenario: \"….ron\"` in the study or in the \
                  cell",
-            ));
+            )
+            .into());
         };
         let path = scenario_path(folder, place, scenario)?;
         let (places, overrides): (Vec<&Located<String>>, Vec<String>) =
@@ -414,12 +533,41 @@ impl<'a> CellDraft<'a> {
         Ok(Cell {
             digest: experiment.digest(),
             windows: windows(figures, &name),
-            scenario: path,
+            scenario: path.display().to_string(),
             overrides,
-            experiment,
+            source: RunSource::Experiment(experiment),
             name,
         })
     }
+}
+
+/// A cell of results of others.
+fn external_cell(folder: &Path, study: &Study, cell: &NamedCell) -> Result<Cell, Problem> {
+    let Some(source) = &cell.results else {
+        return Err(cell.name.error("expected `results`").into());
+    };
+    let max_episodes = cell.max_episodes.as_deref().or(study.max_episodes.as_ref());
+    let max_steps = cell.max_steps.as_deref().or(study.max_steps.as_ref());
+    let runs = ExternalRuns::load(
+        folder,
+        ExternalSpec {
+            source: source.clone(),
+            place: cell.name.clone(),
+            solved: cell.solved.as_deref().copied().or(study.solved),
+            agents: cell.agents.as_ref().map(|agents| agents.get()),
+            max_episodes: max_episodes.map(|max| max.get()),
+            max_steps: max_steps.map(|max| max.get().into()),
+            repeats: cell.repeats.as_ref().map(|repeats| repeats.get()),
+        },
+    )?;
+    Ok(Cell {
+        name: cell.name.value().clone(),
+        scenario: runs.source(),
+        overrides: Vec::new(),
+        digest: runs.digest(),
+        source: RunSource::External(Arc::new(runs)),
+        windows: Vec::new(),
+    })
 }
 
 /// Path of the scenario that a study in `folder` names. A path is relative to the study; a name is
@@ -464,19 +612,23 @@ fn windows(figures: &[Figure], cell: &str) -> Vec<u32> {
     figures.iter().flat_map(windows_of_figure).collect()
 }
 
-/// Checks that the runs of every cell have all measures of the study, its claims and its figures.
+/// Checks that the runs of every cell have all measures of the study, and the runs of the cells of its
+/// claims and figures those that these need.
 fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), ValidationError> {
-    let measures = study.measures.iter().chain(
-        study
-            .claims
-            .iter()
-            .filter_map(|claim| claim.measure.as_ref()),
-    );
-    for measure in measures {
+    for measure in study.measures.iter() {
         missing_measure(cells.iter(), **measure)
             .map_or(Ok(()), |message| Err(measure.error(message)))?;
     }
+    for claim in &study.claims {
+        let compared = cells.iter().filter(|cell| claim.is_about(&cell.name));
+        if let Some(measure) = &claim.measure
+            && let Some(message) = missing_measure(compared, **measure)
+        {
+            return Err(measure.error(message));
+        }
+    }
     for figure in &study.figures {
+        check_figure_of_external_cells(study, figure, cells)?;
         let shown_cells = cells.iter().filter(|cell| figure.shows(&cell.name));
         let message = figure
             .required_measure(study.main_measure())
@@ -491,13 +643,50 @@ fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), ValidationError> 
     Ok(())
 }
 
+/// Checks that a figure does not show what results of others do not have: visited states, if it names
+/// their cells, and single episodes.
+fn check_figure_of_external_cells(
+    study: &Study,
+    figure: &Figure,
+    cells: &[Cell],
+) -> Result<(), ValidationError> {
+    let external = |name: &str| {
+        let cell = cells.iter().find(|cell| cell.name == name)?;
+        cell.source.external()
+    };
+    if let Figure::Visitation { cells, .. } = figure
+        && let Some(name) = cells.iter().find(|name| external(name.as_str()).is_some())
+    {
+        return Err(
+            name.error("results of others have no visited states; expected cells with a scenario")
+        );
+    }
+    let draws_episodes = matches!(figure, Figure::Curves { .. } | Figure::Agents { .. });
+    let of_means = cells.iter().find(|cell| {
+        let unknown = cell.source.external().map(ExternalRuns::unknown);
+        figure.shows(&cell.name) && unknown.is_some_and(|unknown| unknown.episodes)
+    });
+    match of_means {
+        Some(cell) if draws_episodes => Err(figure.error(
+            study,
+            format!(
+                "for the figure `{}`: cell `{}` has means over several episodes, so that episodes are not known; \
+                 expected `cells` without it",
+                figure.kind(),
+                cell.name
+            ),
+        )),
+        _ => Ok(()),
+    }
+}
+
 /// Error message for the first cell whose runs do not have a measure; `None` if all cells have it.
 fn missing_measure<'a>(
     mut cells: impl Iterator<Item = &'a Cell>,
     measure: Measure,
 ) -> Option<String> {
     let missing_in = |cell: &Cell| {
-        cell.experiment
+        cell.source
             .measure_obstacle(measure)
             .map(|(missing, help)| (cell.name.clone(), missing, help))
     };

@@ -105,7 +105,11 @@ pub(super) fn read_table(results: &mut Results, folder: &StudyFolder) -> Result<
         .map_err(|problem| error(None, problem.to_string()))?;
     let columns: HashMap<String, usize> = header.iter().map(str::to_owned).zip(0..).collect();
     let measures = results.measures();
-    let run_seeds: HashSet<u64> = results.manifest.run_seeds().into_iter().collect();
+    let cells = results.manifest.cells.iter();
+    let run_seeds_of = |cell| results.manifest.run_seeds_of(cell).into_iter().collect();
+    let run_seeds: RunSeeds = cells
+        .map(|cell| (cell.name.clone(), run_seeds_of(cell)))
+        .collect();
     for (record, line) in reader.records().zip(2..) {
         let record = record.map_err(|problem| error(Some(line), problem.to_string()))?;
         let row = Row {
@@ -175,13 +179,12 @@ impl Row<'_> {
     }
 
     fn cost(&self) -> Result<RunCost, String> {
-        let (episodes, env_steps): (f64, f64) =
-            (self.required("episodes")?, self.required("env_steps")?);
+        let (episodes, env_steps) = (self.value("episodes")?, self.value("env_steps")?);
         Ok(RunCost {
             solved: self.value("solved")?,
-            episodes: self.value("episodes_to_solve")?.unwrap_or(episodes),
-            env_steps: self.value("env_steps_to_solve")?.unwrap_or(env_steps),
-            gradient_steps: self.required("gradient_steps")?,
+            episodes: self.value("episodes_to_solve")?.or(episodes),
+            env_steps: self.value("env_steps_to_solve")?.or(env_steps),
+            gradient_steps: self.value("gradient_steps")?,
             had_policy_gradient: self.value("had_policy_gradient")?,
         })
     }
@@ -209,10 +212,13 @@ impl Row<'_> {
     }
 }
 
-/// Adds a run to its cell, if its run seed is one of these.
+/// Run seeds of each cell, by its name.
+type RunSeeds = HashMap<String, HashSet<u64>>;
+
+/// Adds a run to its cell, if its run seed is one of the cell's.
 fn add_row(
     results: &mut Results,
-    run_seeds: &HashSet<u64>,
+    run_seeds: &RunSeeds,
     measures: &[Measure],
     row: &Row<'_>,
 ) -> Result<(), String> {
@@ -223,7 +229,10 @@ fn add_row(
         .iter_mut()
         .find(|cell| cell.description.name == name);
     let cell = cell.ok_or_else(|| format!("the study has no cell `{name}`"))?;
-    if !run_seeds.contains(&run_seed) || cell.has_run(run_seed) {
+    let is_of_cell = run_seeds
+        .get(name)
+        .is_some_and(|run_seeds| run_seeds.contains(&run_seed));
+    if !is_of_cell || cell.has_run(run_seed) {
         return Err(format!(
             "the study has no (second) run of `{name}` with run seed {run_seed}"
         ));
@@ -245,8 +254,15 @@ fn add_row(
 /// Counts the runs of each cell that the table lacks, up to the first look that has all its runs.
 fn count_missing_runs(results: &mut Results) {
     let run_seeds = results.begun_run_seeds(|cell, run_seed| results.cells[cell].has_run(run_seed));
-    for cell in &mut results.cells {
-        let is_missing = |run_seed: &&u64| !cell.has_run(**run_seed);
-        cell.missing = run_seeds.iter().filter(is_missing).count();
+    let mut cells = std::mem::take(&mut results.cells);
+    for cell in &mut cells {
+        let of_others = cell.description.external.is_some();
+        let ids = of_others.then(|| results.manifest.run_seeds_of(&cell.description));
+        let run_seeds = ids.as_ref().unwrap_or(&run_seeds);
+        let missing = run_seeds
+            .iter()
+            .filter(|run_seed| !cell.has_run(**run_seed));
+        cell.missing = missing.count() + results.missing_runs_of_others(&cell.description);
     }
+    results.cells = cells;
 }

@@ -11,12 +11,14 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::file::{Claim, Study};
+use super::external::{ExternalRuns, FileHash, SeenFiles};
+use super::file::{Claim, NamedCell, Study};
 use super::plan::StudyPlan;
 use super::provenance;
-use super::results::Results;
+use super::results::{CellResults, Results};
 use super::store::{Manifest, ManifestCell, StoreError, StudyFolder, replace_file, to_json};
 use crate::text::pluralize;
+use seedbed_env::input::InputError;
 use seedbed_stats::family::FAMILY_LEVEL;
 
 /// Number of digits of an id that are shown.
@@ -60,8 +62,49 @@ pub struct Registered {
     /// Cells whose settings had runs with other run seeds when the study was registered, and the
     /// number of these runs.
     pub seen_before: Vec<(String, usize)>,
+    /// Cells of results of others.
+    // Not in the hash of studies without such cells, so that locks of earlier versions stay valid.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub results_of_others: Vec<RegisteredResults>,
+    /// Files of results that existed when the study or an earlier version was registered. They are not
+    /// used.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub seen_files: Vec<SeenFile>,
     /// Earlier locks of this study, the first one first.
     pub ancestors: Vec<Ancestor>,
+}
+
+/// What is registered of a cell of results of others.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegisteredResults {
+    /// Name of the cell.
+    pub cell: String,
+    /// Where the files are and what in them is what, as in study files.
+    pub source: String,
+    /// Return and window at which a run counts as solved, as in study files; empty if it has none.
+    pub solved: String,
+    /// Maximum number of episodes of each agent that are used.
+    pub max_episodes: Option<u32>,
+    /// Maximum number of environment steps of the team that are used.
+    pub max_steps: Option<u32>,
+    /// Number of runs.
+    pub runs: u64,
+    /// What the lock cannot fix.
+    pub not_fixed: String,
+}
+
+/// What a lock cannot fix of results of others.
+pub const NOT_FIXED: &str = "run seeds, code, and when the runs were made";
+
+/// A file of results that existed at a registration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SeenFile {
+    /// Name of the cell.
+    pub cell: String,
+    /// The file.
+    pub file: FileHash,
 }
 
 /// An earlier lock of a study.
@@ -96,6 +139,9 @@ pub enum RegistrationError {
         /// What differs.
         differences: Vec<String>,
     },
+    /// Results of others cannot be used.
+    #[error(transparent)]
+    Results(#[from] InputError),
     /// The study has nothing to confirm.
     #[error("{path}: the study has no confirmatory claim; expected `confirmatory: true` in at least one claim", path = .0.display())]
     NothingToConfirm(PathBuf),
@@ -116,11 +162,17 @@ impl Registered {
                 .map(|cell| (cell.name.clone(), cell.digest.clone()))
                 .collect(),
             study_hash: sha256(study),
-            descriptions_hash: sha256(&without_paths(cells)),
+            descriptions_hash: sha256(&without_paths(study, cells)),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             commit: provenance::commit().map(str::to_owned),
             build: provenance::format_build_id(provenance::build_id()),
             seen_before: Vec::new(),
+            results_of_others: study
+                .cells
+                .iter()
+                .filter_map(|cell| RegisteredResults::of(study, cell))
+                .collect(),
+            seen_files: Vec::new(),
             ancestors: Vec::new(),
         }
     }
@@ -182,17 +234,63 @@ impl Registered {
     }
 }
 
+impl RegisteredResults {
+    /// What is registered of a cell; `None` if it has a scenario.
+    fn of(study: &Study, cell: &NamedCell) -> Option<Self> {
+        let source = cell.results.as_ref()?;
+        let solved = cell.solved.as_deref().or(study.solved.as_ref());
+        let max_episodes = cell.max_episodes.as_deref().or(study.max_episodes.as_ref());
+        let max_steps = cell.max_steps.as_deref().or(study.max_steps.as_ref());
+        let runs = study.expected_runs_of_others(&cell.name, true);
+        Some(Self {
+            cell: cell.name.value().clone(),
+            source: source.text(),
+            solved: solved.map_or(String::new(), |solved| {
+                ron::to_string(solved).expect("plain data always serializes")
+            }),
+            max_episodes: max_episodes.map(|max| max.get()),
+            max_steps: max_steps.map(|max| max.get()),
+            runs: runs.unwrap_or_default(),
+            not_fixed: NOT_FIXED.to_owned(),
+        })
+    }
+}
+
 /// SHA-256 of the compact JSON of a value, in hexadecimal digits.
 fn sha256(value: &impl Serialize) -> String {
     let text = serde_json::to_string(value).expect("plain data always serializes");
     format!("{:x}", Sha256::digest(text))
 }
 
-/// Descriptions of cells without paths, which depend on the working directory.
-fn without_paths(cells: &[ManifestCell]) -> Vec<ManifestCell> {
-    let without_path = |cell: &ManifestCell| ManifestCell {
-        scenario: String::new(),
-        ..cell.clone()
+/// Descriptions of cells without paths, which depend on the working directory, and without what
+/// follows from the files of results of others, which need not exist yet.
+fn without_paths(study: &Study, cells: &[ManifestCell]) -> Vec<ManifestCell> {
+    let without_path = |cell: &ManifestCell| {
+        let cell = ManifestCell {
+            scenario: String::new(),
+            ..cell.clone()
+        };
+        let Some(named_cell) = study.external_cell(&cell.name) else {
+            return cell;
+        };
+        let max_episodes = named_cell
+            .max_episodes
+            .as_deref()
+            .or(study.max_episodes.as_ref());
+        ManifestCell {
+            agents: if named_cell.agents.is_some() {
+                cell.agents
+            } else {
+                0
+            },
+            max_episodes: if max_episodes.is_some() {
+                cell.max_episodes
+            } else {
+                0
+            },
+            external: None,
+            ..cell
+        }
     };
     cells.iter().map(without_path).collect()
 }
@@ -233,6 +331,7 @@ impl Lock {
         };
         let registered = Registered {
             seen_before: seen_before(plan, explored),
+            seen_files: seen_files(plan, earlier.as_ref()),
             ancestors: earlier
                 .as_ref()
                 .map(Self::with_ancestors)
@@ -345,10 +444,36 @@ fn store_error(path: &Path, error: &dyn Display) -> StoreError {
     }
 }
 
+/// Files of results of others that exist now, and those that existed at an earlier registration.
+fn seen_files(plan: &StudyPlan, earlier: Option<&Lock>) -> Vec<SeenFile> {
+    let mut seen = earlier.map_or(Vec::new(), |lock| lock.registered.seen_files.clone());
+    for cell in &plan.cells {
+        for file in cell
+            .source
+            .external()
+            .into_iter()
+            .flat_map(ExternalRuns::files)
+        {
+            let new = SeenFile {
+                cell: cell.name.clone(),
+                file: file.clone(),
+            };
+            if !seen.contains(&new) {
+                seen.push(new);
+            }
+        }
+    }
+    seen
+}
+
 /// Cells of which `explored` has runs, and the numbers of these runs.
 fn seen_before(plan: &StudyPlan, explored: &StudyFolder) -> Vec<(String, usize)> {
     let mut seen = Vec::new();
-    for cell in &plan.cells {
+    let own_cells = plan
+        .cells
+        .iter()
+        .filter(|cell| cell.source.external().is_none());
+    for cell in own_cells {
         let runs = explored.count_runs(&cell.digest);
         if runs > 0 {
             seen.push((cell.name.clone(), runs));
@@ -374,7 +499,12 @@ impl Audit {
         let lock = results.manifest.lock.as_ref()?;
         Some(Self {
             broken: broken(lock, results),
-            notes: [notes_on_runs(lock, results, folder), notes_on_history(lock)].concat(),
+            notes: [
+                notes_on_runs(lock, results, folder),
+                notes_on_results_of_others(lock, results),
+                notes_on_history(lock),
+            ]
+            .concat(),
         })
     }
 }
@@ -402,7 +532,71 @@ fn broken(lock: &Lock, results: &Results) -> Vec<String> {
             "The reported study differs from its lock: {difference}."
         ));
     }
+    broken.extend(broken_results_of_others(lock, results));
     broken
+}
+
+/// Results of others that were changed, seen before the registration, or too many.
+fn broken_results_of_others(lock: &Lock, results: &Results) -> Vec<String> {
+    let mut broken = results.manifest.changed_results.clone();
+    let seen = SeenFiles::new(lock.registered.seen_files.iter().map(|seen| &seen.file));
+    for cell in &results.manifest.cells {
+        let Some(external) = &cell.external else {
+            continue;
+        };
+        let expected = results.expected_runs_of_others(&cell.name);
+        if expected.is_some_and(|expected| external.runs.len() as u64 > expected) {
+            broken.push(format!(
+                "Cell `{}` has more runs than were registered.",
+                cell.name
+            ));
+        }
+        for run in &external.runs {
+            if run.files.iter().any(|file| seen.include(file)) {
+                broken.push(format!(
+                    "The run `{}` of cell `{}` existed when the study was registered.",
+                    run.name, cell.name
+                ));
+            }
+        }
+    }
+    broken
+}
+
+/// What a reader should know of the results of others.
+fn notes_on_results_of_others(lock: &Lock, results: &Results) -> Vec<String> {
+    let mut notes = Vec::new();
+    for registered in &lock.registered.results_of_others {
+        notes.push(format!(
+            "The runs of cell `{}` were made by others. The lock does not fix their {}.",
+            registered.cell, registered.not_fixed
+        ));
+        let cell = results.cell(&registered.cell);
+        let external = cell.and_then(|cell| cell.description.external.as_ref());
+        let missing = cell.map_or(0, |cell| cell.missing);
+        if missing > 0 {
+            notes.push(format!(
+                "{missing} of {} of cell `{}` are missing.",
+                pluralize(registered.runs as usize, "run"),
+                registered.cell
+            ));
+        }
+        let not_used = external.map_or(0, |external| external.seen_before.len());
+        if not_used > 0 {
+            notes.push(format!(
+                "Not used: {} of cell `{}`, whose files existed when the study was registered.",
+                pluralize(not_used, "run"),
+                registered.cell
+            ));
+        }
+    }
+    for SeenFile { cell, file } in &lock.registered.seen_files {
+        notes.push(format!(
+            "Seen before: `{}` of cell `{cell}`, SHA-256 {}.",
+            file.path, file.sha256
+        ));
+    }
+    notes
 }
 
 fn notes_on_runs(lock: &Lock, results: &Results, folder: &StudyFolder) -> Vec<String> {
@@ -449,15 +643,20 @@ fn notes_on_runs(lock: &Lock, results: &Results, folder: &StudyFolder) -> Vec<St
 
 /// Number of result files that belong to no registered run.
 fn count_other_files(results: &Results, folder: &StudyFolder) -> usize {
-    let run_seeds = results.manifest.run_seeds();
+    let run_seeds_of = |cell: &CellResults| results.manifest.run_seeds_of(&cell.description);
+    let run_seeds: Vec<Vec<u64>> = results.cells.iter().map(run_seeds_of).collect();
     let is_registered = |name: &String| {
-        results.cells.iter().any(|cell| {
-            let run_seed = name
-                .strip_prefix(&format!("{}-", cell.description.digest))
-                .and_then(|rest| rest.strip_suffix(".run"))
-                .and_then(|run_seed| run_seed.parse().ok());
-            run_seed.is_some_and(|run_seed| run_seeds.contains(&run_seed))
-        })
+        results
+            .cells
+            .iter()
+            .zip(&run_seeds)
+            .any(|(cell, run_seeds)| {
+                let run_seed = name
+                    .strip_prefix(&format!("{}-", cell.description.digest))
+                    .and_then(|rest| rest.strip_suffix(".run"))
+                    .and_then(|run_seed| run_seed.parse().ok());
+                run_seed.is_some_and(|run_seed| run_seeds.contains(&run_seed))
+            })
     };
     folder
         .result_file_names()
@@ -510,6 +709,8 @@ mod tests {
             commit: None,
             build: "2".to_owned(),
             seen_before: Vec::new(),
+            results_of_others: Vec::new(),
+            seen_files: Vec::new(),
             ancestors: Vec::new(),
         }
     }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::comparison::RunScore;
 use super::cost::RunCost;
+use super::external::Unknown;
 use super::figure::{EpisodeWindow, Figure};
 use super::file::{FIRST_REPORTING_SEED, Study};
 use super::measure::Measure;
@@ -114,7 +115,13 @@ impl Results {
         });
         let mut cells = std::mem::take(&mut self.cells);
         for cell in &mut cells {
-            self.read_cell(folder, cell, &run_seeds);
+            if cell.description.external.is_some() {
+                let ids = self.manifest.run_seeds_of(&cell.description);
+                self.read_cell(folder, cell, &ids);
+                cell.missing += self.missing_runs_of_others(&cell.description);
+            } else {
+                self.read_cell(folder, cell, &run_seeds);
+            }
         }
         self.cells = cells;
         self.score_runs();
@@ -156,7 +163,23 @@ impl Results {
         measures
     }
 
-    /// Run seeds of each cell, up to the first look of which no later look has a run: a registered
+    /// Number of runs that others should have made of a cell, and that were not found: those that the
+    /// study says, or in a registered study its `repeats`.
+    pub(super) fn missing_runs_of_others(&self, cell: &ManifestCell) -> usize {
+        let Some(external) = &cell.external else {
+            return 0;
+        };
+        let expected = self.expected_runs_of_others(&cell.name).unwrap_or(0);
+        (expected as usize).saturating_sub(external.runs.len())
+    }
+
+    /// Number of runs that others should have made of a cell; `None` if any number is right.
+    pub(super) fn expected_runs_of_others(&self, cell: &str) -> Option<u64> {
+        let lock = self.manifest.lock.as_ref();
+        self.study.expected_runs_of_others(cell, lock.is_some())
+    }
+
+    /// Run seeds of each cell with a scenario, up to the first look of which no later look has a run: a registered
     /// study ends as soon as all its claims are decided.
     /// `has_run`: whether the cell with this index has a run with this run seed
     pub(super) fn begun_run_seeds(&self, has_run: impl Fn(usize, u64) -> bool) -> Vec<u64> {
@@ -165,8 +188,9 @@ impl Results {
             return run_seeds;
         }
         let any_cell_has_run = |run_seed: &u64| {
-            let mut cells = 0..self.manifest.cells.len();
-            cells.any(|cell| has_run(cell, *run_seed))
+            let cells = self.manifest.cells.iter().enumerate();
+            let mut cells = cells.filter(|(_, cell)| cell.external.is_none());
+            cells.any(|(cell, _)| has_run(cell, *run_seed))
         };
         let begun = run_seeds
             .iter()
@@ -248,6 +272,9 @@ impl Results {
         let run_seeds = self.manifest.run_seeds();
         let first_seeds = &run_seeds[..run_seeds.len().min(count as usize)];
         self.cells.iter().all(|cell| {
+            if cell.description.external.is_some() {
+                return cell.missing == 0 && cell.failures.is_empty();
+            }
             let finished: BTreeSet<u64> =
                 cell.costs.iter().map(|(run_seed, _)| *run_seed).collect();
             first_seeds
@@ -291,12 +318,42 @@ impl CellResults {
 
     fn score_runs(&mut self, measures: &[Measure]) {
         for (run_seed, run) in std::mem::take(&mut self.runs) {
-            let scores = measures
+            let scores: Vec<Option<RunScore>> = measures
                 .iter()
-                .map(|&measure| RunScore::of(measure, run_seed, &run));
-            self.add_scored_run(run_seed, RunCost::of(&run), measures, scores);
+                .map(|&measure| {
+                    RunScore::of(measure, run_seed, &run).filter(|_| self.has_measure(measure))
+                })
+                .collect();
+            let cost = RunCost::of(&run, self.unknown());
+            self.add_scored_run(run_seed, cost, measures, scores);
             self.runs.push((run_seed, run));
         }
+    }
+
+    /// What is not known of the runs of this cell.
+    #[must_use]
+    pub fn unknown(&self) -> Unknown {
+        let external = self.description.external.as_ref();
+        external.map_or(Unknown::default(), |external| external.unknown)
+    }
+
+    /// Whether everything that a measure needs is known of the runs of this cell.
+    #[must_use]
+    pub fn has_measure(&self, measure: Measure) -> bool {
+        let Unknown {
+            episodes,
+            env_steps,
+            ..
+        } = self.unknown();
+        !(episodes && measure.counts_episodes() || env_steps && measure == Measure::EnvStepsToSolve)
+    }
+
+    /// Name of a run that others made.
+    #[must_use]
+    pub fn run_name(&self, run_seed: u64) -> Option<&str> {
+        let external = self.description.external.as_ref()?;
+        let run = external.runs.iter().find(|run| run.id == run_seed)?;
+        Some(&run.name)
     }
 
     /// Adds the cost of a finished run, and its score in each of `measures`.

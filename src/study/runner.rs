@@ -9,11 +9,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::experiment::{RunQueue, RunRequest, StopRule};
+use super::experiment::{RunQueue, RunRequest};
 use super::plan::PlannedRun;
 use super::run_result::RunResult;
 use super::store::{StoreError, StudyFolder};
-use crate::run::RunError;
 
 /// A run that has ended.
 #[derive(Clone, Copy, Debug)]
@@ -116,7 +115,7 @@ impl<'a, E: Send> SharedQueue<'a, E> {
     fn new(runs: impl Iterator<Item = (&'a PlannedRun<'a>, Vec<u32>)>) -> Self {
         let mut waiting: Vec<_> = runs.collect();
         waiting.sort_by(|(a, _), (b, _)| {
-            let (a, b) = (a.cell.experiment.cost(), b.cell.experiment.cost());
+            let (a, b) = (a.cell.source.cost(), b.cell.source.cost());
             b.total_cmp(&a)
         });
         Self {
@@ -141,7 +140,7 @@ impl<'a, E: Send> SharedQueue<'a, E> {
         {
             // At the end, the other threads get their share.
             let share = (self.length() + 1).div_ceil(jobs);
-            let experiment = &first.0.cell.experiment;
+            let source = &first.0.cell.source;
             let mut queue = CellQueue {
                 shared: self,
                 on_outcome,
@@ -149,12 +148,9 @@ impl<'a, E: Send> SharedQueue<'a, E> {
                 first: Some(first.clone()),
                 unfinished: Vec::new(),
             };
-            let affordable = (MAX_COST_TOGETHER / experiment.cost()) as usize;
-            let places = experiment.runs_together().min(share).min(affordable.max(1));
-            let measure = || {
-                let rule = StopRule::Scenario;
-                experiment.measure_together(places, rule, &mut queue, interrupted);
-            };
+            let affordable = (MAX_COST_TOGETHER / source.cost()) as usize;
+            let places = source.runs_together().min(share).min(affordable.max(1));
+            let measure = || source.measure_together(places, &mut queue, interrupted);
             if catch_unwind(AssertUnwindSafe(measure)).is_err() {
                 queue.measure_unfinished_alone(interrupted);
             }
@@ -203,11 +199,10 @@ impl<E: Send> RunQueue for CellQueue<'_, '_, E> {
         Some(request)
     }
 
-    fn finish(&mut self, request: &RunRequest, result: Result<RunResult, RunError>) {
+    fn finish(&mut self, request: &RunRequest, outcome: Outcome) {
         let is_finished = |(run, _): &(&PlannedRun<'_>, RunRequest)| run.index == request.index;
         if let Some(index) = self.unfinished.iter().position(is_finished) {
             let (run, _) = self.unfinished.swap_remove(index);
-            let outcome = result.map_err(|error| error.to_string());
             self.shared.report(run, outcome, self.on_outcome);
         }
     }
@@ -219,14 +214,13 @@ impl<E: Send> CellQueue<'_, '_, E> {
     fn measure_unfinished_alone(&mut self, interrupted: &AtomicBool) {
         for (run, request) in std::mem::take(&mut self.unfinished) {
             let measure = || {
-                let (rule, windows) = (StopRule::Scenario, &request.windows);
-                let experiment = &run.cell.experiment;
-                experiment.measure_once(run.run_seed, rule, windows, interrupted)
+                let source = &run.cell.source;
+                source.result(run.run_seed, &request.windows, interrupted)
             };
             let outcome = match catch_unwind(AssertUnwindSafe(measure)) {
                 Ok(Ok(None)) => return,
                 Ok(Ok(Some(result))) => Ok(result),
-                Ok(Err(error)) => Err(error.to_string()),
+                Ok(Err(reason)) => Err(reason),
                 Err(panic) => Err(format!("panicked: {}", panic_message(&*panic))),
             };
             self.shared.report(run, outcome, self.on_outcome);

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::external::{ExternalCell, ExternalRun, ExternalRuns};
 use super::file::{Claim, Study};
 use super::plan::{PlannedRun, StudyPlan};
 use super::registration::Lock;
@@ -54,6 +55,13 @@ pub struct Manifest {
     /// runs count.
     #[serde(default)]
     pub earlier_repeats: Vec<u64>,
+    /// What changed in results of others of a registered study since they were read for the first
+    /// time, as sentences.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changed_results: Vec<String>,
+    /// All results of others that a registered study has read.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub read_results: Vec<ReadResult>,
 }
 
 /// Description of a cell for the report.
@@ -75,6 +83,9 @@ pub struct ManifestCell {
     pub task: String,
     /// Observations of its agents: name, unit, and ends of the display range.
     pub observations: Vec<(String, String, [f32; 2])>,
+    /// Results of others; `None` for a scenario.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub external: Option<ExternalCell>,
 }
 
 /// Lock of the folder of a study. It is released when it is dropped or the process ends.
@@ -222,6 +233,7 @@ impl StudyFolder {
             earlier_repeats: self.earlier_repeats(plan, previous.as_ref()),
             ..Manifest::of(plan)
         };
+        let manifest = manifest.with_history(previous.as_ref());
         let text = to_json(&manifest);
         if std::fs::read_to_string(&path).is_ok_and(|stored_text| stored_text == text) {
             return Ok(());
@@ -268,6 +280,7 @@ impl StudyFolder {
             let runs = plan.runs();
             let mut stored = runs
                 .iter()
+                .filter(|run| run.name.is_none())
                 .map(|run| self.find_run(&run.cell.digest, run.run_seed, &[]));
             stored.any(|stored| stored.is_some())
         };
@@ -325,7 +338,16 @@ impl Manifest {
             .collect()
     }
 
-    /// Run seeds of each cell.
+    /// Run seeds of a cell, or ids of its runs if others made them.
+    #[must_use]
+    pub fn run_seeds_of(&self, cell: &ManifestCell) -> Vec<u64> {
+        match &cell.external {
+            Some(external) => external.runs.iter().map(|run| run.id).collect(),
+            None => self.run_seeds(),
+        }
+    }
+
+    /// Run seeds of each cell with a scenario.
     #[must_use]
     pub fn run_seeds(&self) -> Vec<u64> {
         match &self.lock {
@@ -361,18 +383,13 @@ impl Manifest {
         let cell = |cell: &super::plan::Cell| ManifestCell {
             name: cell.name.clone(),
             digest: cell.digest.clone(),
-            scenario: cell.scenario.display().to_string(),
+            scenario: cell.scenario.clone(),
             overrides: cell.overrides.clone(),
-            agents: cell.experiment.agents(),
-            max_episodes: cell.experiment.max_episodes(),
-            task: cell.experiment.spec().name.clone(),
-            observations: cell
-                .experiment
-                .spec()
-                .observations
-                .iter()
-                .map(observation)
-                .collect(),
+            agents: cell.source.agents(),
+            max_episodes: cell.source.max_episodes(),
+            task: cell.source.task().to_owned(),
+            observations: cell.source.observations().iter().map(observation).collect(),
+            external: cell.source.external().map(ExternalRuns::description),
         };
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -386,8 +403,93 @@ impl Manifest {
             cells: plan.cells.iter().map(cell).collect(),
             late_claims: Vec::new(),
             earlier_repeats: Vec::new(),
+            changed_results: Vec::new(),
+            read_results: Vec::new(),
         }
     }
+}
+
+/// A run of others that a registered study has read.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ReadResult {
+    /// Name of its cell.
+    pub cell: String,
+    /// Name of the run.
+    pub run: String,
+    /// Id of the run, which depends on its contents.
+    pub id: u64,
+}
+
+impl Manifest {
+    /// Completes the description of a registered study by what was read earlier of results of others.
+    fn with_history(mut self, previous: Option<&Self>) -> Self {
+        let id = |manifest: &Self| manifest.lock.as_ref().map(|lock| lock.id.clone());
+        if self.lock.is_none() {
+            return self;
+        }
+        if let Some(previous) = previous.filter(|previous| id(previous) == id(&self)) {
+            self.read_results.clone_from(&previous.read_results);
+            self.changed_results.clone_from(&previous.changed_results);
+        }
+        let now = self.results_of_others();
+        for sentence in changes(&self.read_results, &now) {
+            if !self.changed_results.contains(&sentence) {
+                self.changed_results.push(sentence);
+            }
+        }
+        for read in now {
+            if !self.read_results.contains(&read) {
+                self.read_results.push(read);
+            }
+        }
+        self
+    }
+
+    /// The runs of others.
+    fn results_of_others(&self) -> Vec<ReadResult> {
+        let runs_of = |cell: &ManifestCell| {
+            let runs = cell.external.iter().flat_map(|external| &external.runs);
+            let read = |run: &ExternalRun| ReadResult {
+                cell: cell.name.clone(),
+                run: run.name.clone(),
+                id: run.id,
+            };
+            runs.map(read).collect::<Vec<_>>()
+        };
+        self.cells.iter().flat_map(runs_of).collect()
+    }
+}
+
+/// What changed in results of others since they were read: new runs with the contents of a run of
+/// another cell, with the name of an earlier run, or in place of one that is gone. Without new runs,
+/// those that are gone are only missing.
+fn changes(earlier: &[ReadResult], now: &[ReadResult]) -> Vec<String> {
+    let contains = |runs: &[ReadResult], run: &ReadResult| {
+        let mut runs = runs.iter();
+        runs.any(|other| other.cell == run.cell && other.id == run.id)
+    };
+    let mut sentences = Vec::new();
+    for new in now.iter().filter(|run| !contains(earlier, run)) {
+        let ReadResult { cell, run, id } = new;
+        let mut of_cell = earlier.iter().filter(|other| other.cell == *cell);
+        let sentence = if let Some(other) = earlier.iter().find(|other| other.id == *id) {
+            format!(
+                "The run `{run}` of cell `{cell}` had been read as `{}` of cell `{}`.",
+                other.run, other.cell
+            )
+        } else if of_cell.clone().any(|other| other.run == *run) {
+            format!("The run `{run}` of cell `{cell}` was changed after it had been read.")
+        } else if let Some(gone) = of_cell.find(|other| !contains(now, other)) {
+            format!(
+                "The run `{run}` of cell `{cell}` was added when `{}`, which had been read, was gone.",
+                gone.run
+            )
+        } else {
+            continue;
+        };
+        sentences.push(sentence);
+    }
+    sentences
 }
 
 fn observation(quantity: &Quantity) -> (String, String, [f32; 2]) {

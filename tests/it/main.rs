@@ -7,6 +7,7 @@ mod cli;
 mod determinism;
 #[cfg(unix)]
 mod docs;
+mod external;
 mod learning;
 mod messages;
 mod published;

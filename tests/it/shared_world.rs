@@ -12,6 +12,7 @@ use seedbed::study::experiment::{Experiment, RunEnding, RunQueue, RunRequest, St
 use seedbed::study::measure::Measure;
 use seedbed::study::plan::StudyPlan;
 use seedbed::study::run_result::RunResult;
+use seedbed::study::run_source::RunSource;
 use seedbed::study::runner::{self, FinishedRun};
 use seedbed::study::store::StudyFolder;
 
@@ -40,10 +41,10 @@ impl RunQueue for Queue {
         })
     }
 
-    fn finish(&mut self, request: &RunRequest, result: Result<RunResult, RunError>) {
+    fn finish(&mut self, request: &RunRequest, outcome: Result<RunResult, String>) {
         let earlier = &mut self.results[request.index];
         assert_eq!(*earlier, None, "a run is finished once");
-        *earlier = Some(result.map_err(|error| error.to_string()));
+        *earlier = Some(outcome);
     }
 }
 
@@ -195,9 +196,9 @@ impl RunQueue for PanickingQueue<'_> {
         self.inner.next()
     }
 
-    fn finish(&mut self, request: &RunRequest, result: Result<RunResult, RunError>) {
+    fn finish(&mut self, request: &RunRequest, outcome: Result<RunResult, String>) {
         assert_ne!(request.run_seed, self.run_seed, "together");
-        self.inner.finish(request, result);
+        self.inner.finish(request, outcome);
     }
 }
 
@@ -299,9 +300,11 @@ fn a_panic_fails_one_run_only() {
     );
     std::fs::write(&study, text).unwrap();
     let mut plan = StudyPlan::load(&study, false).unwrap();
-    let inner = plan.cells[0].experiment.clone();
+    let RunSource::Experiment(inner) = plan.cells[0].source.clone() else {
+        panic!("the cell has a scenario");
+    };
     let run_seed = FIRST_RUN_SEED + 4;
-    plan.cells[0].experiment = Arc::new(Panicking { inner, run_seed });
+    plan.cells[0].source = RunSource::Experiment(Arc::new(Panicking { inner, run_seed }));
     let store = StudyFolder::new(folder.path().join("out"));
     store.write_manifest(&plan).unwrap();
     let failures = Mutex::new(Vec::new());

@@ -137,8 +137,8 @@ pub trait RunQueue {
     /// Takes the next run; `None` if there is none.
     fn next(&mut self) -> Option<RunRequest>;
 
-    /// Receives the result of a run that was taken.
-    fn finish(&mut self, request: &RunRequest, result: Result<RunResult, RunError>);
+    /// Receives the result of a run that was taken, or why it failed.
+    fn finish(&mut self, request: &RunRequest, outcome: Result<RunResult, String>);
 }
 
 /// A run that is to be measured.
@@ -165,7 +165,7 @@ fn measure_one_by_one<E: Experiment + ?Sized>(
         match experiment.measure_once(run_seed, stop_rule, windows, interrupted) {
             Ok(None) => return,
             Ok(Some(result)) => queue.finish(&request, Ok(result)),
-            Err(error) => queue.finish(&request, Err(error)),
+            Err(error) => queue.finish(&request, Err(error.to_string())),
         }
     }
 }

@@ -189,7 +189,7 @@ fn measure_in_world(
                 measured.add_round(world.trainer(place), &round.rows);
                 None
             }
-            Err(diverged) => Some(RunError::from(diverged)),
+            Err(diverged) => Some(diverged.to_string()),
         };
         if failure.is_some() || is_done(world.trainer(place), &plan.scenario, stop_rule) {
             world.end(place);

@@ -35,6 +35,11 @@ pub(in crate::study) fn number(value: f64) -> String {
     without_trailing_zeros(&text).replace('-', "−")
 }
 
+/// A number, or `unknown`.
+pub(super) fn number_or_unknown(value: Option<f64>) -> String {
+    value.map_or("unknown".to_owned(), number)
+}
+
 /// A time, or `not reached`.
 pub(super) fn time(value: f64) -> String {
     if value.is_finite() {

@@ -1,5 +1,7 @@
 //! `report.html`: a page that loads no external files, so that it can be read offline.
 
+use std::collections::HashSet;
+
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::Table;
@@ -7,6 +9,7 @@ use super::{ReportFigure, format, states};
 use crate::study::claims::ClaimResult;
 use crate::study::comparison::Comparison;
 use crate::study::cost::cells_without_policy_gradient;
+use crate::study::external::{ExternalCell, FileHash};
 use crate::study::file::{Claim, FIRST_REPORTING_SEED};
 use crate::study::gate::gates;
 use crate::study::measure::Measure;
@@ -55,6 +58,7 @@ pub(super) fn html(
                     h2 { "Tables" }
                     @for table in tables { (table_section(table)) }
                     (failures_section(results))
+                    (results_of_others_section(results))
                     (reproduction_section(results))
                     (methods_section())
                 }
@@ -77,6 +81,10 @@ fn summary(results: &Results) -> Markup {
 
 fn run_seeds_text(results: &Results) -> String {
     let manifest = &results.manifest;
+    let mut cells = manifest.cells.iter();
+    if cells.all(|cell| cell.external.is_some()) {
+        return "made by others".to_owned();
+    }
     if let Some(lock) = &manifest.lock {
         return format!("seeds from the lock {}", lock.short_id());
     }
@@ -89,7 +97,7 @@ fn warnings(results: &Results) -> Markup {
     let [_, failed, missing] = results.run_counts();
     let manifest = &results.manifest;
     html! {
-        @if manifest.repeats < MIN_RUNS_WITHOUT_WARNING {
+        @if fewest_runs(results) < MIN_RUNS_WITHOUT_WARNING {
             (warning("Few runs.", &format!(
                 "Bootstrap intervals, in tables and figures of single cells, are too narrow from fewer than \
                  {MIN_RUNS_WITHOUT_WARNING} runs: when there is no effect, an \
@@ -106,6 +114,9 @@ fn warnings(results: &Results) -> Markup {
                 "In cell `{cell}` the policy loss was 0 in all rounds of all runs: agents acted by their initial \
                  policies. Such a cell is not a baseline of learning."
             )))
+        }
+        @for sentence in unequal_thresholds(results) {
+            (warning("Unequal thresholds.", &sentence))
         }
         @if results.is_tuning() {
             (warning("Tuning seeds.", &format!(
@@ -135,6 +146,48 @@ fn warnings(results: &Results) -> Markup {
         }
         @if results.builds.len() > 1 { (warning_of_builds(results)) }
     }
+}
+
+/// Smallest number of runs that a cell has or should have.
+fn fewest_runs(results: &Results) -> u64 {
+    let runs_of = |cell: &CellResults| match &cell.description.external {
+        Some(external) => (external.runs.len() + cell.missing) as u64,
+        None => results.manifest.repeats,
+    };
+    let cells = results.cells.iter();
+    cells.map(runs_of).min().unwrap_or(results.manifest.repeats)
+}
+
+/// Sentences about cells of results of others that count as solved at another return, or over another
+/// number of episodes, than the first cell with the same task.
+fn unequal_thresholds(results: &Results) -> Vec<String> {
+    let threshold = |cell: &CellResults| cell.runs.first().and_then(|(_, run)| run.threshold);
+    let mut sentences = Vec::new();
+    for cell in &results.cells {
+        let mut cells = results.cells.iter();
+        let first = cells.find(|other| {
+            other.description.task == cell.description.task && threshold(other).is_some()
+        });
+        let Some(first) = first else { continue };
+        let is_external = [first, cell]
+            .iter()
+            .any(|cell| cell.description.external.is_some());
+        if let (Some(of_first), Some(of_cell)) = (threshold(first), threshold(cell))
+            && is_external
+            && of_first != of_cell
+        {
+            sentences.push(format!(
+                "Runs of cell `{}` count as solved at a mean return of {} over {}, those of cell `{}` at {} over {}.",
+                cell.description.name,
+                format::number(of_cell.0),
+                pluralize(of_cell.1 as usize, "episode"),
+                first.description.name,
+                format::number(of_first.0),
+                pluralize(of_first.1 as usize, "episode"),
+            ));
+        }
+    }
+    sentences
 }
 
 fn warning(title: &str, text: &str) -> Markup {
@@ -336,12 +389,75 @@ fn failures_section(results: &Results) -> Markup {
             ul {
                 @for cell in &results.cells {
                     @for (seed, reason) in &cell.failures {
-                        li { (cell.description.name) ", seed " (seed) ": " (reason) }
+                        li {
+                            (cell.description.name) ", "
+                            @match cell.run_name(*seed) {
+                                Some(name) => { (name) }
+                                None => { "seed " (seed) }
+                            }
+                            ": " (reason)
+                        }
                     }
                 }
             }
         }
     }
+}
+
+/// The files of results that others made, with their hashes.
+fn results_of_others_section(results: &Results) -> Markup {
+    let cells: Vec<(&CellResults, &ExternalCell)> = results
+        .cells
+        .iter()
+        .filter_map(|cell| Some((cell, cell.description.external.as_ref()?)))
+        .collect();
+    html! {
+        @if !cells.is_empty() {
+            h2 { "Results of others" }
+            p {
+                "These results were made by others: run seeds and code cannot be checked. A run is identified by the SHA-256 of \
+                 its files. A team whose agents have files of their own has done K · n steps when one of its agents has done n."
+            }
+            @for (cell, external) in cells {
+                h3 { (cell.description.name) }
+                p {
+                    code { (cell.description.scenario) } ": " (pluralize(external.runs.len(), "run")) ", "
+                    (pluralize(files_of(external).len(), "file")) "."
+                }
+                @for warning in &external.warnings { p.evidence { (warning) "." } }
+                @for name in &external.seen_before {
+                    p.evidence { "Not used, because its files existed at the registration: " code { (name) } "." }
+                }
+                details {
+                    summary { "Files" }
+                    div.scroll {
+                        table {
+                            thead { tr { th.name { "file" } th { "bytes" } th.name { "SHA-256" } } }
+                            tbody {
+                                @for file in files_of(external) {
+                                    tr {
+                                        td.name { (file.path) } td { (file.bytes) } td.name { code { (file.sha256) } }
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The files of all runs, each once: a file may have several runs.
+fn files_of(cell: &ExternalCell) -> Vec<&FileHash> {
+    let mut files: Vec<&FileHash> = Vec::new();
+    let mut paths = HashSet::new();
+    for file in cell.runs.iter().flat_map(|run| &run.files) {
+        if paths.insert(&file.path) {
+            files.push(file);
+        }
+    }
+    files
 }
 
 fn reproduction_section(results: &Results) -> Markup {
@@ -367,8 +483,14 @@ fn reproduction_section(results: &Results) -> Markup {
                         tr {
                             td.name { (cell.description.name) }
                             td { (cell.description.agents) }
-                            td { (cell.description.max_episodes) }
-                            td.name { code { (command(cell, first_seed)) } }
+                            td { (max_episodes(cell)) }
+                            td.name {
+                                @if cell.description.external.is_some() {
+                                    "results of others"
+                                } @else {
+                                    code { (command(cell, first_seed)) }
+                                }
+                            }
                         }
                     }
                 }
@@ -376,6 +498,13 @@ fn reproduction_section(results: &Results) -> Markup {
         }
         details { summary { "Study file" } pre { (manifest.study) } }
     }
+}
+
+fn max_episodes(cell: &CellResults) -> String {
+    if cell.unknown().episodes {
+        return "unknown".to_owned();
+    }
+    cell.description.max_episodes.to_string()
 }
 
 /// Versions, commits and builds of seedbed that made the runs, and that made this page.
@@ -394,7 +523,15 @@ fn provenance_text(results: &Results) -> String {
     if !dependencies.is_empty() {
         page += &format!(", with {}", dependencies.join(", "));
     }
-    format!("The runs were made by {runs}. This page was made by {page}.")
+    let is_external = |cell: &CellResults| cell.description.external.is_some();
+    let made = if results.cells.iter().all(is_external) {
+        "The results of others were read by"
+    } else if results.cells.iter().any(is_external) {
+        "Runs were made, and results of others read, by"
+    } else {
+        "The runs were made by"
+    };
+    format!("{made} {runs}. This page was made by {page}.")
 }
 
 fn versions(results: &Results) -> String {
@@ -510,6 +647,7 @@ mod tests {
             max_episodes,
             task: "test".to_owned(),
             observations: Vec::new(),
+            external: None,
         };
         let mut cell = CellResults::without_runs(description);
         cell.runs = (0..6)
@@ -537,6 +675,8 @@ mod tests {
                 cells: cells.iter().map(|cell| cell.description.clone()).collect(),
                 late_claims: Vec::new(),
                 earlier_repeats: vec![4],
+                changed_results: Vec::new(),
+                read_results: Vec::new(),
             },
             study,
             cells,

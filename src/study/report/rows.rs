@@ -10,11 +10,12 @@ use crate::study::results::{CellResults, Results};
 use crate::study::run_result::RunResult;
 use seedbed_env::input::numbers::ranged_count;
 
-const COLUMNS: [&str; 21] = [
+const COLUMNS: [&str; 22] = [
     "cell",
     "task",
     "agents",
     "seed",
+    "run",
     "seeds",
     "state",
     "episodes",
@@ -41,8 +42,11 @@ struct Row<'a> {
     cell: &'a str,
     task: &'a str,
     agents: u32,
+    /// Run seed or, of results of others, the id of the run.
     seed: u64,
-    /// `tuning` or `reporting`.
+    /// Name of a run that others made.
+    run: &'a str,
+    /// `tuning`, `reporting` or, of results of others, `external`.
     seeds: &'static str,
     /// `finished` or `failed`.
     state: &'static str,
@@ -75,19 +79,19 @@ pub(in crate::study) fn csv(results: &Results) -> io::Result<Vec<u8>> {
     writer.write_record(COLUMNS.into_iter().chain(names.iter().map(String::as_str)))?;
     for cell in &results.cells {
         let cell_columns = Row {
-            seeds: if results.is_tuning() {
-                "tuning"
-            } else {
-                "reporting"
+            seeds: match &cell.description.external {
+                Some(_) => "external",
+                None if results.is_tuning() => "tuning",
+                None => "reporting",
             },
             ..columns_of_cell(cell)
         };
         for (seed, run) in &cell.runs {
             writer.serialize((
-                columns_of_run(&cell_columns, *seed, run),
+                columns_of_run(&cell_columns, cell, *seed, run),
                 measures
                     .iter()
-                    .map(|measure| measure.of(run))
+                    .map(|measure| measure.of(run).filter(|_| cell.has_measure(*measure)))
                     .collect::<Vec<_>>(),
             ))?;
         }
@@ -120,14 +124,24 @@ fn columns_of_cell(cell: &CellResults) -> Row<'_> {
     }
 }
 
-fn columns_of_run<'a>(cell_columns: &Row<'a>, seed: u64, run: &RunResult) -> Row<'a> {
-    let finite_value = |measure: Measure| measure.of(run).filter(|value| value.is_finite());
-    let cost = RunCost::of(run);
+fn columns_of_run<'a>(
+    cell_columns: &Row<'a>,
+    cell: &'a CellResults,
+    seed: u64,
+    run: &RunResult,
+) -> Row<'a> {
+    let finite_value = |measure: Measure| {
+        let value = measure.of(run).filter(|value| value.is_finite());
+        value.filter(|_| cell.has_measure(measure))
+    };
+    let unknown = cell.unknown();
+    let cost = RunCost::of(run, unknown);
     Row {
         seed,
+        run: cell.run_name(seed).unwrap_or_default(),
         state: "finished",
-        episodes: Some(run.episodes_per_agent()),
-        env_steps: Some(run.env_steps),
+        episodes: (!unknown.episodes).then(|| run.episodes_per_agent()),
+        env_steps: (!unknown.env_steps).then_some(run.env_steps),
         episodes_to_solve: finite_value(Measure::EpisodesToSolve),
         env_steps_to_solve: finite_value(Measure::EnvStepsToSolve),
         final_return: finite_value(Measure::FinalReturn {
@@ -142,7 +156,7 @@ fn columns_of_run<'a>(cell_columns: &Row<'a>, seed: u64, run: &RunResult) -> Row
             of: Curve::EffectiveAgents,
         }),
         solved: cost.solved,
-        gradient_steps: Some(cost.gradient_steps),
+        gradient_steps: cost.gradient_steps,
         had_policy_gradient: cost.had_policy_gradient,
         ..*cell_columns
     }

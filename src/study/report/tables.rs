@@ -73,9 +73,9 @@ fn cost_table(results: &Results) -> Table {
             cell.description.name.clone(),
             cell.description.agents.to_string(),
             solved,
-            format::number(cost.episodes),
-            format::number(cost.env_steps),
-            format::number(cost.gradient_steps),
+            format::number_or_unknown(cost.episodes),
+            format::number_or_unknown(cost.env_steps),
+            format::number_or_unknown(cost.gradient_steps),
             optional(cost.speedup.map(|speedup| speedup.factor)),
             optional(cost.speedup.map(|speedup| speedup.efficiency)),
         ]
@@ -207,7 +207,11 @@ fn compare_cells(results: &Results, cell: &CellResults, first: &CellResults) -> 
         f64::from(first.min(second))
     };
     let quantity = Quantity::of(measure, horizon);
-    let paired = !results.study.pairs_share.is_empty() && quantity != Quantity::Share;
+    let is_external = |cell: &CellResults| cell.description.external.is_some();
+    let paired = !results.study.pairs_share.is_empty()
+        && quantity != Quantity::Share
+        && !is_external(cell)
+        && !is_external(first);
     let samples = Samples::new(scores[0], scores[1], quantity, paired)?;
     Some(samples.compare(&*samples.test()))
 }

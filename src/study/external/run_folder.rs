@@ -1,0 +1,233 @@
+//! Run directories of seedbed, or of others with an `episodes.csv` such as seedbed's, as results of a
+//! study.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
+
+use super::data_file::{DataFile, Rows, file_error, incomplete_line_warning};
+use super::read_run::ReadRun;
+use super::run_data::Limits;
+use super::source::SolvedAt;
+use super::{Problem, Settings};
+use crate::record::RoundRow;
+use crate::record::table;
+use crate::run::folder::RunFolder;
+use crate::run::summary::Summary;
+use crate::study::measure::Curve;
+use crate::study::run_result::{Milestone, RunResult};
+use seedbed_env::input::InputError;
+use seedbed_env::input::numbers::FiniteNumber;
+use seedbed_stats::aggregate::mean;
+
+/// Largest number of agents, so that a damaged number does not fill the memory.
+const MAX_AGENTS: u64 = 1_000_000;
+
+/// A row of `episodes.csv`, as far as studies need it.
+struct Episode {
+    agent: u32,
+    /// Number of the agent's episode, from 0.
+    number: u32,
+    round: u32,
+    env_steps: u64,
+    r#return: f64,
+}
+
+/// Reads the run in the directory `path`.
+pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<ReadRun, Problem> {
+    let run_folder = RunFolder::new(path);
+    let [episodes_path, rounds_path] = run_folder.table_files();
+    if !episodes_path.is_file() {
+        return Err(file_error(
+            path,
+            "expected `episodes.csv` in this directory, found none",
+        )
+        .into());
+    }
+    let file = DataFile::read(folder, &episodes_path)?;
+    let mut warnings = Vec::new();
+    if file.complete_lines().1 {
+        warnings.push(incomplete_line_warning(&file));
+    }
+    let episodes = read_episodes(&file)?;
+    let mut files = vec![file.hash];
+    let mut rounds: Vec<RoundRow> = Vec::new();
+    let has_rounds = rounds_path.is_file();
+    if has_rounds {
+        files.push(DataFile::read(folder, &rounds_path)?.hash);
+        let rows = table::read(&rounds_path);
+        rounds = rows.map_err(|error| file_error(&rounds_path, error.reason))?;
+    }
+    let mut threshold = settings.solved;
+    let summary_path = run_folder.summary_file();
+    if summary_path.is_file() {
+        let file = DataFile::read(folder, &summary_path)?;
+        threshold = threshold.or(threshold_of(&file)?);
+        files.push(file.hash);
+    } else {
+        warnings.push(format!(
+            "{}: has no `summary.json`: the run may be unfinished",
+            super::data_file::name_of(folder, path)
+        ));
+    }
+    let result = Replay::new(&episodes, threshold).result(&episodes, &rounds, settings.limits);
+    let run = ReadRun::new(folder, path, files, result).with_warnings(warnings);
+    Ok(ReadRun { has_rounds, ..run })
+}
+
+fn read_episodes(file: &DataFile) -> Result<Vec<Episode>, InputError> {
+    let mut rows = Rows::new(file, file.complete_lines().0, 0)?;
+    let [agent, episode, round, env_steps, r#return] = [
+        rows.column("agent")?,
+        rows.column("episode")?,
+        rows.column("round")?,
+        rows.column("env_steps")?,
+        rows.column("return")?,
+    ];
+    let mut episodes: Vec<Episode> = Vec::new();
+    let mut next_episodes: Vec<u64> = Vec::new();
+    while rows.advance()? {
+        let found_agent = rows.count(agent)?;
+        if found_agent >= MAX_AGENTS {
+            return Err(rows.error(
+                agent,
+                format!("expected an agent below {MAX_AGENTS}, found {found_agent}"),
+            ));
+        }
+        let index = found_agent as usize;
+        next_episodes.resize(next_episodes.len().max(index + 1), 0);
+        let (found, next) = (rows.count(episode)?, &mut next_episodes[index]);
+        if found != *next {
+            return Err(rows.error(
+                episode,
+                format!("expected episode {next} of agent {index}, found {found}: no episode may be missing"),
+            ));
+        }
+        *next += 1;
+        let new = Episode {
+            agent: found_agent as u32,
+            number: found as u32,
+            round: rows.count(round)?.min(u32::MAX.into()) as u32,
+            env_steps: rows.count(env_steps)?,
+            r#return: rows.number(r#return)?,
+        };
+        if let Some(earlier) = episodes.last() {
+            let is_earlier = |now: u64, before: u64| now < before;
+            let column = if is_earlier(new.round.into(), earlier.round.into()) {
+                Some(round)
+            } else {
+                is_earlier(new.env_steps, earlier.env_steps).then_some(env_steps)
+            };
+            if let Some(column) = column {
+                return Err(rows.error(
+                    column,
+                    "expected a value of at least that of the row before".to_owned(),
+                ));
+            }
+        }
+        episodes.push(new);
+    }
+    if episodes.is_empty() {
+        return Err(file.error("expected at least one finished episode, found none"));
+    }
+    Ok(episodes)
+}
+
+/// The threshold that the run had, from `summary.json`. Tabular runs have none.
+fn threshold_of(file: &DataFile) -> Result<Option<SolvedAt>, InputError> {
+    let summary: Summary =
+        serde_json::from_slice(&file.bytes).map_err(|error| file.error(error.to_string()))?;
+    let Some(solved_at) = summary.solved_at else {
+        return Ok(None);
+    };
+    let r#return = FiniteNumber::try_from(solved_at.r#return).map_err(|error| file.error(error))?;
+    let window = (solved_at.window as u64)
+        .try_into()
+        .map_err(|error: String| file.error(error))?;
+    Ok(Some(SolvedAt { r#return, window }))
+}
+
+/// Adds rounds in their order, as a study does with those of a run of its own.
+struct Replay {
+    result: RunResult,
+    team_returns: Vec<f64>,
+    threshold: Option<SolvedAt>,
+}
+
+impl Replay {
+    fn new(episodes: &[Episode], threshold: Option<SolvedAt>) -> Self {
+        let agents = episodes
+            .iter()
+            .map(|row| row.agent as usize + 1)
+            .max()
+            .unwrap_or(0);
+        Self {
+            result: RunResult {
+                returns: vec![Vec::new(); agents],
+                threshold: threshold.map(|solved| (solved.r#return.get(), solved.window.get())),
+                curves: vec![Vec::new(); Curve::WITH_ROUND_VALUES.len()],
+                ..RunResult::default()
+            },
+            team_returns: Vec::new(),
+            threshold,
+        }
+    }
+
+    fn result(mut self, episodes: &[Episode], rounds: &[RoundRow], limits: Limits) -> RunResult {
+        let is_within = |row: &&Episode| {
+            limits.max_episodes.is_none_or(|max| row.number < max)
+                && limits.max_steps.is_none_or(|max| row.env_steps <= max)
+        };
+        let mut by_round: BTreeMap<u32, (Vec<&Episode>, Vec<RoundRow>)> = BTreeMap::new();
+        for row in episodes.iter().filter(is_within) {
+            by_round.entry(row.round).or_default().0.push(row);
+        }
+        let last_round = by_round.keys().last().copied().unwrap_or(0);
+        for row in rounds.iter().filter(|row| row.round <= last_round) {
+            by_round.entry(row.round).or_default().1.push(row.clone());
+        }
+        let mut unmatched: Vec<VecDeque<f64>> = vec![VecDeque::new(); self.result.returns.len()];
+        for (episodes, updates) in by_round.values() {
+            for row in episodes {
+                self.result.returns[row.agent as usize].push(row.r#return as f32);
+                unmatched[row.agent as usize].push_back(row.r#return);
+                self.result.env_steps = row.env_steps;
+            }
+            while unmatched.iter().all(|returns| !returns.is_empty()) {
+                let returns: Vec<f64> = unmatched
+                    .iter_mut()
+                    .filter_map(VecDeque::pop_front)
+                    .collect();
+                self.team_returns.push(mean(&returns));
+            }
+            self.end_round(updates);
+        }
+        self.result
+    }
+
+    fn end_round(&mut self, updates: &[RoundRow]) {
+        let now = Milestone {
+            episodes: self.team_returns.len() as u32,
+            env_steps: self.result.env_steps,
+        };
+        if self.result.solved.is_none() && self.is_solved() {
+            self.result.solved = Some(now);
+        }
+        if updates.is_empty() {
+            return;
+        }
+        self.result.episodes.push(now.episodes);
+        for (values, curve) in self.result.curves.iter_mut().zip(Curve::WITH_ROUND_VALUES) {
+            let value = curve.metric().team_value_of_round(updates);
+            values.push(value.map_or(f32::NAN, |value| value as f32));
+        }
+    }
+
+    /// Whether the newest full window reaches the threshold.
+    fn is_solved(&self) -> bool {
+        self.threshold.is_some_and(|threshold| {
+            let window = threshold.window.get() as usize;
+            let start = self.team_returns.len().checked_sub(window);
+            start.is_some_and(|start| mean(&self.team_returns[start..]) >= threshold.r#return.get())
+        })
+    }
+}
