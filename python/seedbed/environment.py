@@ -1,0 +1,192 @@
+"""One copy of a task as a Gymnasium environment."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, ClassVar, SupportsFloat, TypeAlias
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from ._native import Batch, Task
+from .seeding import checked_seed, random_seed
+from .spaces import action_space, observation_space
+
+TaskLike: TypeAlias = Task | str | os.PathLike[str]
+"""A task, the path of a task file, or the name of a task."""
+
+PICTURE_SIZE = (600, 400)
+"""Width and height of pictures in pixels."""
+
+RENDER_MODES = ("rgb_array",)
+
+
+def as_task(task: TaskLike, run_seed: int = 0) -> Task:
+    """The task that is meant; `run_seed` is for the tasks of files."""
+    return task if isinstance(task, Task) else Task(task, run_seed=run_seed)
+
+
+def rendering(batch: Batch, task: Task, render_mode: str | None) -> dict[str, Any]:
+    """Gymnasium's metadata about pictures.
+
+    Raises:
+        ValueError: There is no such render mode for this task.
+    """
+    modes = list(RENDER_MODES) if batch.has_bodies else []
+    if render_mode is not None and render_mode not in modes:
+        expected = "None or " + " or ".join(map(repr, modes)) if modes else "None: the task has no bodies to draw"
+        raise ValueError(f"render_mode is {render_mode!r}, expected {expected}")
+    return {"render_modes": modes, "render_fps": max(1, round(1 / task.control_step))}
+
+
+class Env(gymnasium.Env[NDArray[np.float32], Any]):
+    """One copy of a task.
+
+    The time limit is part of the environment and of its state: no wrapper is needed.
+
+    Observations are float32, `[observations]`, in the units of `task.observations`. Actions are those of
+    `action_space`; a continuous action outside of its range is clamped to it.
+
+    Args:
+        task: A task, the path of a task file, or the name of a task; see `Task`.
+        physics: "rapier" for rigid bodies, "analytic" for the task's analytic model.
+        max_episode_steps: Steps after which an episode is truncated; by default those of the task, and -1
+            for no limit.
+        render_mode: "rgb_array" to draw the bodies, if the task has any.
+        run_seed: Run seed with which tasks are drawn that differ from run to run; see `Task`.
+
+    Raises:
+        TaskError: Something in the task file is wrong.
+        FileNotFoundError: There is no such file or task.
+        ValueError: An argument is invalid.
+
+    Example:
+        >>> environment = Env("cartpole")
+        >>> observation, info = environment.reset(seed=0)
+        >>> observation, reward, terminated, truncated, info = environment.step(1)
+        >>> observation.shape, observation.dtype, reward, terminated, truncated
+        ((4,), dtype('float32'), 1.0, False, False)
+    """
+
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
+    _default_time_limit: ClassVar[int | None] = None
+
+    def __init__(
+        self,
+        task: TaskLike,
+        *,
+        physics: str = "rapier",
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        run_seed: int = 0,
+    ) -> None:
+        self.task = as_task(task, checked_seed(run_seed))
+        """Description of the task: names, units and ranges."""
+        self.physics = physics
+        if max_episode_steps is None:
+            max_episode_steps = self._default_time_limit
+        self._batch = Batch(self.task, physics=physics, max_episode_steps=max_episode_steps)
+        self.metadata = rendering(self._batch, self.task, render_mode)
+        self.render_mode = render_mode
+        self.observation_space = observation_space(self.task)
+        self.action_space = action_space(self.task)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start a new episode.
+
+        Args:
+            seed: Random number seed of the start states, from 0 to 2**64 - 1. They are those of agent 0 in
+                round 0 of a run with this run seed. Without a seed the sequence continues; before the
+                first one it is drawn by the operating system (`np_random_seed` returns it).
+            options: Ignored: tasks have no options.
+
+        Returns:
+            The observation, float32, `[observations]`, and an empty dictionary.
+        """
+        if seed is None and self._batch.unseeded():
+            seed = random_seed()
+        if seed is not None:
+            seed = checked_seed(seed)
+            super().reset(seed=seed)
+            self._batch.seed(0, seed)
+        return self._batch.reset_one(), {}
+
+    def step(
+        self, action: Any
+    ) -> tuple[NDArray[np.float32], SupportsFloat, bool, bool, dict[str, Any]]:
+        """Advance by one control step of `task.control_step` seconds.
+
+        Returns:
+            The observation (float32, `[observations]`), the reward, whether the task has terminated, whether
+            the episode is truncated by the time limit, and an empty dictionary. As with Gymnasium's
+            `TimeLimit`, both can be true.
+
+        Raises:
+            ValueError: The action is not in the action space, or not finite.
+            gymnasium.error.ResetNeeded: The episode has ended, or none has started.
+        """
+        observation, reward, terminated, truncated = self._batch.step_one(action)
+        return observation, reward, terminated, truncated, {}
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """Draw the bodies.
+
+        Returns:
+            A picture, uint8, `[400, 600, 3]`; None if the environment was made without `render_mode`.
+        """
+        if self.render_mode is None:
+            gymnasium.logger.warn('`render` draws nothing: make the environment with render_mode="rgb_array"')
+            return None
+        return self._batch.render(0, *PICTURE_SIZE)
+
+    def poses(self) -> NDArray[np.float32]:
+        """Where the bodies are.
+
+        Returns:
+            x and y in m, angle in rad, counter-clockwise: float32, `[bodies, 3]`, in the order of
+            `task.bodies`.
+        """
+        return self._batch.poses(0)
+
+    def get_state(self) -> bytes:
+        """The whole state: bodies, number of steps, and the random stream of start states.
+
+        An environment that is set to it continues with the same bits.
+        """
+        return self._batch.save(0)
+
+    def set_state(self, state: bytes) -> NDArray[np.float32]:
+        """Continue from a state that `get_state` returned, here or in any environment of this task.
+
+        Returns:
+            The observation in this state, float32, `[observations]`.
+
+        Raises:
+            ValueError: The bytes are not a state of this task. The environment is unchanged.
+        """
+        self._batch.restore(0, state)
+        return self._batch.observe_one()
+
+    def __getstate__(self) -> dict[str, Any]:
+        attributes = dict(vars(self))
+        del attributes["_batch"]
+        return attributes | {"_limit": self._limit(), "_state": self.get_state()}
+
+    def __setstate__(self, attributes: dict[str, Any]) -> None:
+        limit, state = attributes.pop("_limit"), attributes.pop("_state")
+        self.__dict__.update(attributes)
+        self._batch = Batch(self.task, physics=self.physics, max_episode_steps=limit)
+        self._batch.restore(0, state)
+
+    def _limit(self) -> int:
+        limit = self._batch.max_episode_steps
+        return -1 if limit is None else limit
+
+
+class RegisteredEnv(Env):
+    """One copy of a task as `gymnasium.make` makes it: Gymnasium's `TimeLimit` truncates episodes."""
+
+    _default_time_limit = -1

@@ -1,0 +1,124 @@
+"""Making environments of task files and of built-in tasks."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any, overload
+
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.vector import AutoresetMode
+
+from ._native import Task
+from .environment import Env, TaskLike, as_task
+from .registration import environment_id
+from .seeding import checked_seed
+from .vector import VectorEnv
+
+if TYPE_CHECKING:
+    from .parallel import ParallelEnv
+
+
+@overload
+def make(
+    task: TaskLike,
+    num_envs: None = None,
+    *,
+    physics: str = "rapier",
+    max_episode_steps: int | None = None,
+    render_mode: str | None = None,
+    run_seed: int = 0,
+) -> Env: ...
+
+
+@overload
+def make(
+    task: TaskLike,
+    num_envs: int,
+    *,
+    physics: str = "rapier",
+    threads: int | None = None,
+    autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+    copy: bool = True,
+    max_episode_steps: int | None = None,
+    render_mode: str | None = None,
+    run_seed: int = 0,
+) -> VectorEnv: ...
+
+
+def make(
+    task: TaskLike,
+    num_envs: int | None = None,
+    *,
+    run_seed: int = 0,
+    **options: Any,
+) -> Env | VectorEnv:
+    """Make an environment of a task file or of a built-in task.
+
+    Args:
+        task: Path of a task file, name of a task (see `Task`; `seedbed.tasks()` returns the built-in ones),
+            or a `Task`.
+        num_envs: Number of copies of a vector environment; by default a single environment.
+        run_seed: Run seed with which tasks are drawn that differ from run to run; see `Task`.
+        **options: Keywords of `Env` or, with `num_envs`, of `VectorEnv`.
+
+    Returns:
+        An `Env` or, with `num_envs`, a `VectorEnv`. It has no wrappers: it truncates episodes itself.
+
+    Raises:
+        TaskError: Something in the task file is wrong.
+        FileNotFoundError: There is no such file or task.
+        ValueError: An argument is invalid.
+
+    Example:
+        >>> make("cartpole").task.name
+        'cartpole'
+        >>> make("cartpole", num_envs=8, autoreset_mode="SameStep").num_envs
+        8
+    """
+    found = as_task(task, checked_seed(run_seed))
+    environment: Env | VectorEnv
+    if num_envs is None:
+        environment = Env(found, **options)
+    else:
+        environment = VectorEnv(found, num_envs, **options)
+    environment.spec = _spec(found, num_envs, options)
+    return environment
+
+
+def parallel_env(task: TaskLike, agents: int = 2, **options: Any) -> ParallelEnv:
+    """Make a PettingZoo environment of K agents that act at the same time, each in a copy of its own.
+
+    It needs the package `pettingzoo`.
+
+    Args:
+        task: Path of a task file, name of a task, or a `Task`, as in `make`.
+        agents: Number of agents K.
+        **options: Keywords of `ParallelEnv`: `physics`, `threads`, `max_episode_steps`, `render_mode`,
+            `run_seed`.
+
+    Returns:
+        A `seedbed.parallel.ParallelEnv`.
+
+    Example:
+        >>> parallel_env("cartpole", agents=3).possible_agents
+        ['agent_0', 'agent_1', 'agent_2']
+    """
+    from .parallel import ParallelEnv
+
+    return ParallelEnv(task, agents, **options)
+
+
+def _spec(task: Task, num_envs: int | None, options: dict[str, Any]) -> EnvSpec:
+    """Gymnasium's specification, from which `gymnasium.make` makes the same environment again."""
+    name = re.sub(r"\W", "_", task.name) or "task"
+    kwargs = {"task": task.path, "run_seed": task.run_seed} | options
+    limit = options.get("max_episode_steps")
+    return EnvSpec(
+        id=environment_id(name),
+        entry_point="seedbed.environment:Env",
+        vector_entry_point="seedbed.vector:VectorEnv",
+        reward_threshold=task.reward_threshold,
+        max_episode_steps=task.time_limit if limit is None else None if limit == -1 else limit,
+        order_enforce=False,
+        kwargs=kwargs if num_envs is None else kwargs | {"num_envs": num_envs},
+    )

@@ -1,0 +1,28 @@
+"""Seeds of environments."""
+
+from __future__ import annotations
+
+import operator
+from typing import SupportsIndex
+
+import numpy as np
+
+MAX_SEED = 2**64 - 1
+
+
+def checked_seed(seed: SupportsIndex) -> int:
+    """The seed as an integer.
+
+    Raises:
+        TypeError: It is no integer.
+        ValueError: It is negative, or has more than 64 bits.
+    """
+    number = operator.index(seed)
+    if not 0 <= number <= MAX_SEED:
+        raise ValueError(f"seed is {number}, expected 0 to 2**64 - 1")
+    return number
+
+
+def random_seed() -> int:
+    """A seed from the operating system's source of randomness, for environments without a seed."""
+    return int(np.random.SeedSequence().generate_state(1, np.uint64)[0])

@@ -1,0 +1,609 @@
+//! A batch of copies of a task: the class that the environments in Python are made of.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1,
+    PyReadwriteArray2,
+};
+use pyo3::exceptions::{PyIndexError, PyRuntimeError, PyValueError};
+use pyo3::import_exception;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use seedbed_env::description::BodyTask;
+use seedbed_env::{Physics, TaskDescription};
+
+use super::actions::ActionReader;
+use super::description::{Task, task_error};
+use super::group::{Autoreset, Group, Phase, Rows};
+use super::picture;
+use super::threads::Threads;
+use crate::record::framing::Bounds;
+
+import_exception!(gymnasium.error, ResetNeeded);
+
+/// Maximum numbers of copies and of threads of a batch.
+const MAX_COPIES: usize = 1 << 20;
+const MAX_THREADS: usize = 256;
+
+/// Minimum number of copies per thread, unless a number of threads is given, for tasks with contacts and
+/// for all others. Fewer copies are stepped before another thread has woken up.
+const MIN_COPIES_PER_THREAD: [usize; 2] = [16, 256];
+
+/// Sides of pictures, in pixels.
+const PICTURE_SIDES: std::ops::RangeInclusive<u32> = 32..=4096;
+
+/// A batch of M independent copies of one task.
+///
+/// The results of a copy depend neither on the number of copies nor on the number of threads. Copies
+/// are stepped without Python's global interpreter lock. Arrays in which results are written must be
+/// contiguous and must not be used by other threads during a call.
+///
+/// Args:
+///     task (Task): The task.
+///     copies (int): Number of copies M.
+///     physics (str): "rapier" for rigid bodies, "analytic" for the task's analytic model.
+///     threads (int | None): Number of threads; by default the number of cores, but at most one per
+///         256 copies, or per 16 copies of a task with contacts.
+///     max_episode_steps (int | None): Steps after which an episode is truncated; by default those of
+///         the task, and -1 for no limit.
+///     autoreset (str): "next_step", "same_step" or "disabled", as in Gymnasium.
+///     team (bool): Whether copies belong to the agents of a team: copy k draws its start states from
+///         the random stream of agent k, and a copy whose episode has ended waits for the others.
+#[pyclass(module = "seedbed._native")]
+pub(crate) struct Batch {
+    description: Arc<TaskDescription>,
+    physics: Physics,
+    autoreset: Autoreset,
+    is_team: bool,
+    copies: usize,
+    observation_width: usize,
+    actions: ActionReader,
+    /// Never locked: a mutex makes the batch `Sync`, as Python's classes must be, although environments
+    /// are not.
+    groups: Mutex<Vec<Group>>,
+    threads: Threads,
+    /// Where bodies usually are; `None` before the first picture.
+    bounds: Option<Bounds>,
+}
+
+#[pymethods]
+impl Batch {
+    #[new]
+    #[pyo3(signature = (
+        task, copies = 1, *, physics = "rapier", threads = None, max_episode_steps = None,
+        autoreset = "disabled", team = false
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
+    fn new(
+        py: Python<'_>,
+        task: &Task,
+        copies: usize,
+        physics: &str,
+        threads: Option<usize>,
+        max_episode_steps: Option<i64>,
+        autoreset: &str,
+        team: bool,
+    ) -> PyResult<Self> {
+        check_range("number of copies", copies, MAX_COPIES)?;
+        let threads = threads.unwrap_or_else(|| default_threads(&task.description, copies));
+        check_range("number of threads", threads, MAX_THREADS)?;
+        let physics = parse_physics(physics, &task.description)?;
+        let description = with_time_limit(&task.description, max_episode_steps)?;
+        let spec = description.spec();
+        Ok(Self {
+            physics,
+            autoreset: parse_autoreset(autoreset)?,
+            is_team: team,
+            copies,
+            observation_width: spec.observation_width(),
+            actions: ActionReader::new(spec, copies),
+            groups: Mutex::new(build_groups(
+                py,
+                &description,
+                physics,
+                copies,
+                threads.min(copies),
+            )?),
+            threads: Threads::new(threads.min(copies))?,
+            bounds: None,
+            description,
+        })
+    }
+
+    /// Number of copies M.
+    #[getter]
+    fn copies(&self) -> usize {
+        self.copies
+    }
+
+    /// Number of threads that step the copies.
+    #[getter]
+    fn threads(&self) -> usize {
+        self.threads.count()
+    }
+
+    /// Steps after which an episode is truncated; None without a limit.
+    #[getter]
+    fn max_episode_steps(&self) -> Option<u32> {
+        let limit = self.description.spec().time_limit;
+        (limit != u32::MAX).then_some(limit)
+    }
+
+    /// Whether there are bodies to draw.
+    #[getter]
+    fn has_bodies(&mut self) -> bool {
+        self.groups()[0].environment.scene().is_some()
+    }
+
+    /// Indices of the copies that have no random stream yet: `seed` must be called for them before
+    /// `reset`.
+    fn unseeded(&mut self) -> Vec<usize> {
+        let copies = self.groups().iter().flat_map(|group| {
+            let unseeded = (0..group.copies()).filter(|&copy| !group.has_stream(copy));
+            unseeded.map(|copy| group.first_copy + copy)
+        });
+        copies.collect()
+    }
+
+    /// Lets a copy draw its start states from the random stream with the name (run seed, reset,
+    /// agent, round 0). The agent is the index of the copy in a team, otherwise 0.
+    fn seed(&mut self, copy: usize, run_seed: u64) -> PyResult<()> {
+        let agent = if self.is_team { copy as u32 } else { 0 };
+        let (group, copy) = self.locate(copy)?;
+        group.seed(copy, run_seed, agent);
+        Ok(())
+    }
+
+    /// Starts a new episode in each copy, or in those that `mask` (bool, `[M]`) selects, and writes the
+    /// current observations of all copies (float32, `[M, observations]`).
+    #[pyo3(signature = (observations, mask = None))]
+    fn reset(
+        &mut self,
+        py: Python<'_>,
+        mut observations: PyReadwriteArray2<'_, f32>,
+        mask: Option<PyReadonlyArray1<'_, bool>>,
+    ) -> PyResult<()> {
+        let mask = mask.map(|mask| mask.as_array().to_vec());
+        let observations = observations.as_slice_mut().map_err(invalid_array)?;
+        check_length(
+            "observations",
+            observations.len(),
+            self.copies * self.observation_width,
+        )?;
+        check_length(
+            "mask",
+            mask.as_ref().map_or(self.copies, Vec::len),
+            self.copies,
+        )?;
+        self.reset_selected(py, |copy| mask.as_ref().is_none_or(|mask| mask[copy]))?;
+        self.write_observations(observations);
+        Ok(())
+    }
+
+    /// Writes the current observations of all copies (float32, `[M, observations]`).
+    fn observe(&mut self, mut observations: PyReadwriteArray2<'_, f32>) -> PyResult<()> {
+        let observations = observations.as_slice_mut().map_err(invalid_array)?;
+        check_length(
+            "observations",
+            observations.len(),
+            self.copies * self.observation_width,
+        )?;
+        self.write_observations(observations);
+        Ok(())
+    }
+
+    /// Sets the action of a copy for the next step.
+    fn set_action(&mut self, copy: usize, action: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.locate(copy)?;
+        self.actions.read_single(copy, action)
+    }
+
+    /// Advances all copies by one step and writes the results.
+    ///
+    /// Args:
+    ///     actions: One row per copy; None for the actions that `set_action` has set.
+    ///     observations: float32, `[M, observations]`.
+    ///     rewards: float64, `[M]`.
+    ///     terminated: bool, `[M]`.
+    ///     truncated: bool, `[M]`.
+    ///     final_observations: float32, `[M, observations]`: the last observations of episodes that
+    ///         end and are followed by a reset in the same step. Needed for "same_step" only.
+    #[pyo3(signature = (
+        actions, observations, rewards, terminated, truncated, final_observations = None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "one argument per array")]
+    fn step(
+        &mut self,
+        py: Python<'_>,
+        actions: Option<&Bound<'_, PyAny>>,
+        mut observations: PyReadwriteArray2<'_, f32>,
+        mut rewards: PyReadwriteArray1<'_, f64>,
+        mut terminated: PyReadwriteArray1<'_, bool>,
+        mut truncated: PyReadwriteArray1<'_, bool>,
+        mut final_observations: Option<PyReadwriteArray2<'_, f32>>,
+    ) -> PyResult<()> {
+        self.check_running()?;
+        if let Some(actions) = actions {
+            self.actions.read_batch(actions)?;
+        }
+        let final_observations = match &mut final_observations {
+            Some(array) => array.as_slice_mut().map_err(invalid_array)?,
+            None => &mut [],
+        };
+        let rows = Rows {
+            observations: observations.as_slice_mut().map_err(invalid_array)?,
+            rewards: rewards.as_slice_mut().map_err(invalid_array)?,
+            terminated: terminated.as_slice_mut().map_err(invalid_array)?,
+            truncated: truncated.as_slice_mut().map_err(invalid_array)?,
+            final_observations,
+        };
+        self.check_rows(&rows)?;
+        self.step_into(py, rows)
+    }
+
+    /// Starts a new episode in the only copy; returns the observation (float32, `[observations]`).
+    fn reset_one<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        self.check_single()?;
+        self.reset_selected(py, |_| true)?;
+        self.observe_one(py)
+    }
+
+    /// The current observation of the only copy (float32, `[observations]`).
+    fn observe_one<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        self.check_single()?;
+        let observation = self.groups()[0].environment.observations();
+        Ok(PyArray1::from_slice(py, observation))
+    }
+
+    /// Advances the only copy by one step; returns the observation (float32, `[observations]`), the
+    /// reward, and whether the episode has terminated and is truncated.
+    fn step_one<'py>(
+        &mut self,
+        py: Python<'py>,
+        action: &Bound<'py, PyAny>,
+    ) -> PyResult<StepOfOne<'py>> {
+        self.check_single()?;
+        self.check_running()?;
+        self.actions.read_single(0, action)?;
+        let mut observation = vec![0.0; self.observation_width];
+        let (mut reward, mut terminated, mut truncated) = ([0.0], [false], [false]);
+        let rows = Rows {
+            observations: &mut observation,
+            rewards: &mut reward,
+            terminated: &mut terminated,
+            truncated: &mut truncated,
+            final_observations: &mut [],
+        };
+        self.step_into(py, rows)?;
+        Ok((
+            observation.into_pyarray(py),
+            reward[0],
+            terminated[0],
+            truncated[0],
+        ))
+    }
+
+    /// The whole state of a copy: bodies, number of steps, and the random stream of start states.
+    fn save<'py>(&mut self, py: Python<'py>, copy: usize) -> PyResult<Bound<'py, PyBytes>> {
+        let (group, copy) = self.locate(copy)?;
+        Ok(PyBytes::new(py, &group.save(copy)))
+    }
+
+    /// Sets a copy to a state that `save` returned, for any copy of the task.
+    fn restore(&mut self, copy: usize, state: &[u8]) -> PyResult<()> {
+        let (group, copy) = self.locate(copy)?;
+        let restored = guarded(|| group.restore(copy, state))?;
+        restored.map_err(PyValueError::new_err)
+    }
+
+    /// Where the bodies of a copy are (float32, `[bodies, 3]`): x and y in m, angle in rad.
+    fn poses<'py>(&mut self, py: Python<'py>, copy: usize) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let (group, copy) = self.locate(copy)?;
+        let poses = group.poses(copy);
+        let numbers: Vec<f32> = poses
+            .iter()
+            .flat_map(|pose| [pose.x, pose.y, pose.angle])
+            .collect();
+        numbers.into_pyarray(py).reshape([poses.len(), 3])
+    }
+
+    /// A picture of the bodies of a copy (uint8, `[height, width, 3]`).
+    fn render<'py>(
+        &mut self,
+        py: Python<'py>,
+        copy: usize,
+        width: u32,
+        height: u32,
+    ) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        for side in [width, height] {
+            if !PICTURE_SIDES.contains(&side) {
+                return Err(PyValueError::new_err(format!(
+                    "side of a picture is {side} pixels, expected {} to {}",
+                    PICTURE_SIDES.start(),
+                    PICTURE_SIDES.end()
+                )));
+            }
+        }
+        let bounds = self.usual_bounds()?;
+        let (group, copy) = self.locate(copy)?;
+        let poses = group.poses(copy);
+        let scene = group.environment.scene();
+        let scene = scene.ok_or_else(|| PyValueError::new_err("the task has no bodies to draw"))?;
+        let drawn =
+            py.detach(|| guarded(|| picture::draw(scene, &poses, bounds, [width, height])))?;
+        let pixels = drawn.map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
+        let shape = [pixels.height as usize, pixels.width as usize, 3];
+        pixels.rgb.into_pyarray(py).reshape(shape)
+    }
+}
+
+/// Observation, reward, terminated and truncated.
+type StepOfOne<'py> = (Bound<'py, PyArray1<f32>>, f64, bool, bool);
+
+impl Batch {
+    fn groups(&mut self) -> &mut Vec<Group> {
+        exclusive(&mut self.groups)
+    }
+
+    /// The group of a copy, and the copy's index in it.
+    fn locate(&mut self, copy: usize) -> PyResult<(&mut Group, usize)> {
+        let copies = self.copies;
+        let group = self
+            .groups()
+            .iter_mut()
+            .rev()
+            .find(|group| group.first_copy <= copy);
+        match group {
+            Some(group) if copy < copies => {
+                let index = copy - group.first_copy;
+                Ok((group, index))
+            }
+            _ => {
+                let message = format!("copy is {copy}, expected 0 to {}", copies - 1);
+                Err(PyIndexError::new_err(message))
+            }
+        }
+    }
+
+    fn check_single(&self) -> PyResult<()> {
+        match self.copies {
+            1 => Ok(()),
+            copies => Err(PyValueError::new_err(format!(
+                "the batch has {copies} copies, expected 1"
+            ))),
+        }
+    }
+
+    /// Checks that all copies can be stepped.
+    fn check_running(&mut self) -> PyResult<()> {
+        let (copies, autoreset, is_team) = (self.copies, self.autoreset, self.is_team);
+        let may_have_ended = is_team || autoreset != Autoreset::Disabled;
+        let can_step = |phase: &Phase| match phase {
+            Phase::Running => true,
+            Phase::Ended => may_have_ended,
+            Phase::Idle => false,
+        };
+        for group in self.groups() {
+            if let Some(copy) = group.phases().iter().position(|phase| !can_step(phase)) {
+                let phase = group.phases()[copy];
+                return Err(reset_needed(phase, group.first_copy + copy, copies));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_rows(&self, rows: &Rows<'_>) -> PyResult<()> {
+        let numbers = self.copies * self.observation_width;
+        check_length("observations", rows.observations.len(), numbers)?;
+        check_length("rewards", rows.rewards.len(), self.copies)?;
+        check_length("terminated", rows.terminated.len(), self.copies)?;
+        check_length("truncated", rows.truncated.len(), self.copies)?;
+        let needed = if self.autoreset == Autoreset::SameStep {
+            numbers
+        } else {
+            0
+        };
+        check_length("final_observations", rows.final_observations.len(), needed)
+    }
+
+    fn reset_selected(
+        &mut self,
+        py: Python<'_>,
+        is_selected: impl Fn(usize) -> bool + Send + Sync,
+    ) -> PyResult<()> {
+        let reset = |group: &mut Group| {
+            for copy in 0..group.copies() {
+                if is_selected(group.first_copy + copy) {
+                    group.reset(copy);
+                }
+            }
+        };
+        let (threads, groups) = (&mut self.threads, exclusive(&mut self.groups));
+        py.detach(|| guarded(|| threads.for_each(groups, reset))?)
+    }
+
+    fn step_into(&mut self, py: Python<'_>, rows: Rows<'_>) -> PyResult<()> {
+        let autoreset = self.autoreset;
+        let width = self.description.spec().action_width();
+        let actions = self.actions.matrix();
+        let groups = exclusive(&mut self.groups);
+        let rows = split_rows(rows, groups, self.observation_width);
+        let mut parts: Vec<(&mut Group, Rows<'_>)> = groups.iter_mut().zip(rows).collect();
+        let step = |(group, rows): &mut (&mut Group, Rows<'_>)| {
+            let actions = &actions[group.first_copy * width..][..group.copies() * width];
+            group.step(actions, autoreset, rows);
+        };
+        let threads = &mut self.threads;
+        py.detach(|| guarded(|| threads.for_each(&mut parts, step))?)
+    }
+
+    fn write_observations(&mut self, mut observations: &mut [f32]) {
+        let width = self.observation_width;
+        for group in self.groups() {
+            let rows = observations.split_off_mut(..group.copies() * width);
+            group.write_observations(rows.unwrap_or_default());
+        }
+    }
+
+    fn usual_bounds(&mut self) -> PyResult<Bounds> {
+        if let Some(bounds) = self.bounds {
+            return Ok(bounds);
+        }
+        let copies = picture::sampled_copies();
+        let sampled = seedbed_env::build(&self.description, self.physics, copies);
+        let mut sampled = sampled.map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let bounds = guarded(|| picture::usual_bounds(&mut *sampled))?;
+        let bounds = bounds.filter(|bounds| bounds.iter().all(|number| number.is_finite()));
+        Ok(*self.bounds.insert(bounds.unwrap_or([-1.0, 1.0, -1.0, 1.0])))
+    }
+}
+
+/// The exception for a copy that cannot be stepped.
+fn reset_needed(phase: Phase, copy: usize, copies: usize) -> PyErr {
+    let subject = match copies {
+        1 => "the environment".to_owned(),
+        _ => format!("copy {copy}"),
+    };
+    ResetNeeded::new_err(match phase {
+        Phase::Idle => format!("{subject} has not started: call `reset` before the first `step`"),
+        _ => format!("the episode of {subject} has ended: call `reset` before the next `step`"),
+    })
+}
+
+/// The groups of a batch that is not shared.
+fn exclusive(groups: &mut Mutex<Vec<Group>>) -> &mut Vec<Group> {
+    groups.get_mut().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Divides the rows of all copies among groups.
+fn split_rows<'a>(rows: Rows<'a>, groups: &[Group], width: usize) -> Vec<Rows<'a>> {
+    let Rows {
+        mut observations,
+        mut rewards,
+        mut terminated,
+        mut truncated,
+        mut final_observations,
+    } = rows;
+    let mut parts = Vec::with_capacity(groups.len());
+    for group in groups {
+        let (copies, numbers) = (group.copies(), group.copies() * width);
+        parts.push(Rows {
+            observations: observations.split_off_mut(..numbers).unwrap_or_default(),
+            rewards: rewards.split_off_mut(..copies).unwrap_or_default(),
+            terminated: terminated.split_off_mut(..copies).unwrap_or_default(),
+            truncated: truncated.split_off_mut(..copies).unwrap_or_default(),
+            final_observations: final_observations
+                .split_off_mut(..numbers)
+                .unwrap_or_default(),
+        });
+    }
+    parts
+}
+
+fn build_groups(
+    py: Python<'_>,
+    description: &TaskDescription,
+    physics: Physics,
+    copies: usize,
+    groups: usize,
+) -> PyResult<Vec<Group>> {
+    let mut built = Vec::with_capacity(groups);
+    for group in 0..groups {
+        let (first, end) = (group * copies / groups, (group + 1) * copies / groups);
+        let environment = guarded(|| seedbed_env::build(description, physics, end - first))?;
+        let environment = environment.map_err(|error| task_error(py, &error))?;
+        built.push(Group::new(environment, physics, first));
+    }
+    Ok(built)
+}
+
+/// The number of cores, but not more than there is work for.
+fn default_threads(description: &TaskDescription, copies: usize) -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let body_task = description.body_task();
+    let has_contacts = body_task.is_some_and(BodyTask::needs_own_worlds);
+    let copies_per_thread = MIN_COPIES_PER_THREAD[usize::from(!has_contacts)];
+    cores.min(copies / copies_per_thread).clamp(1, MAX_THREADS)
+}
+
+fn parse_physics(name: &str, description: &TaskDescription) -> PyResult<Physics> {
+    match name {
+        "rapier" => Ok(Physics::Rapier),
+        "analytic" if description.has_analytic_model() => Ok(Physics::Analytic),
+        "analytic" => Err(PyValueError::new_err(format!(
+            "physics is \"analytic\", but the task `{}` has no analytic model: use physics=\"rapier\"",
+            description.spec().name
+        ))),
+        _ => Err(PyValueError::new_err(format!(
+            "physics is {name:?}, expected \"rapier\" or \"analytic\""
+        ))),
+    }
+}
+
+fn parse_autoreset(name: &str) -> PyResult<Autoreset> {
+    match name {
+        "next_step" => Ok(Autoreset::NextStep),
+        "same_step" => Ok(Autoreset::SameStep),
+        "disabled" => Ok(Autoreset::Disabled),
+        _ => Err(PyValueError::new_err(format!(
+            "autoreset is {name:?}, expected \"next_step\", \"same_step\" or \"disabled\""
+        ))),
+    }
+}
+
+/// The task with another time limit, if there is one.
+fn with_time_limit(
+    description: &Arc<TaskDescription>,
+    max_episode_steps: Option<i64>,
+) -> PyResult<Arc<TaskDescription>> {
+    let limit = match max_episode_steps {
+        None => return Ok(Arc::clone(description)),
+        Some(-1) => u32::MAX,
+        Some(steps @ 1..) => u32::try_from(steps).unwrap_or(u32::MAX),
+        Some(steps) => {
+            return Err(PyValueError::new_err(format!(
+                "max_episode_steps is {steps}, expected at least 1, or -1 for no limit"
+            )));
+        }
+    };
+    let mut description = TaskDescription::clone(description);
+    description.spec_mut().time_limit = limit;
+    Ok(Arc::new(description))
+}
+
+fn check_range(name: &str, value: usize, max: usize) -> PyResult<()> {
+    if (1..=max).contains(&value) {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!(
+        "{name} is {value}, expected 1 to {max}"
+    )))
+}
+
+fn check_length(name: &str, found: usize, expected: usize) -> PyResult<()> {
+    if found == expected {
+        return Ok(());
+    }
+    let message = format!("`{name}` has {found} elements, expected {expected}");
+    Err(PyValueError::new_err(message))
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "an argument of `map_err`")]
+fn invalid_array(error: impl ToString) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// The result of some work. If it panics, which a simulation of extreme numbers could, this is an
+/// exception like any other.
+fn guarded<T>(work: impl FnOnce() -> T) -> PyResult<T> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+        PyRuntimeError::new_err(format!(
+            "the simulation failed: {}; make a new environment, and check the numbers of the task",
+            text.unwrap_or("no reason is known")
+        ))
+    })
+}

@@ -1,0 +1,14 @@
+//! Tasks for algorithms in Python: descriptions of tasks, and batches of copies of a task.
+
+mod actions;
+mod batch;
+mod builtin;
+mod description;
+mod group;
+mod picture;
+mod state;
+mod threads;
+
+pub(crate) use batch::Batch;
+pub(crate) use builtin::builtin_tasks;
+pub(crate) use description::{Action, Quantity, Task, TaskError};
