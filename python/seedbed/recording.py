@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import os
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, Literal, NoReturn, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -37,6 +37,9 @@ __all__ = ["RecordVisitation", "RecordVisitationVector", "RecordingError"]
 
 Range: TypeAlias = tuple[float | None, float | None]
 """Ends of an axis. An end that is None is the smallest or largest value that was visited."""
+
+Ranges: TypeAlias = Sequence[Range | None] | Mapping[str, Range] | Literal["visited"] | None
+"""Ranges of the axes of observations: of all, of some by name, or "visited" for what was visited."""
 
 MAX_OBSERVATIONS = 1000
 """Maximum number of observations: each is an axis, so that pictures cannot be recorded."""
@@ -73,7 +76,8 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         units: Unit of each observation, or of some by name, such as `{"x": "m"}`.
         ranges: Ends of the axis of each observation, or of some by name, such as `{"x": (-1, 1)}`. By default those
             of a seedbed task, or finite bounds of the Box; all other ends are the smallest and largest finite
-            value that any agent in the folder has visited. Values beyond an end are recorded as they are.
+            value that any agent in the folder has visited. `"visited"` ignores bounds, which are often far from
+            what is visited. Values beyond an end are recorded as they are.
         action_names: Name of each component of an action; by default those of a seedbed task, or `action`,
             or `action_0`, `action_1`, …
         environment: Name of the environment; by default its id.
@@ -96,7 +100,7 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         *,
         names: Sequence[str] | None = None,
         units: Sequence[str] | Mapping[str, str] | None = None,
-        ranges: Sequence[Range | None] | Mapping[str, Range] | None = None,
+        ranges: Ranges = None,
         action_names: Sequence[str] | None = None,
         environment: str | None = None,
         overwrite: bool = False,
@@ -170,7 +174,7 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         *,
         names: Sequence[str] | None = None,
         units: Sequence[str] | Mapping[str, str] | None = None,
-        ranges: Sequence[Range | None] | Mapping[str, Range] | None = None,
+        ranges: Ranges = None,
         action_names: Sequence[str] | None = None,
         environment: str | None = None,
         autoreset_mode: str | AutoresetMode | None = None,
@@ -198,7 +202,7 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         self._finish = weakref.finalize(self, self._recorder.close)
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Start new episodes; see `gymnasium.vector.VectorEnv.reset`."""
         # Gymnasium removes the mask from `options`.
@@ -373,7 +377,7 @@ class _BatchRecorder:
         """Copies that the next step only resets."""
 
     def start(self, observations: Any, mask: NDArray[np.bool_] | None) -> None:
-        copies = np.arange(len(self._is_running)) if mask is None else np.flatnonzero(mask)
+        copies = np.flatnonzero(np.ones(len(self._is_running)) if mask is None else mask).tolist()
         for copy in copies:
             self._end_unfinished(copy)
         _ = self._recorders.files
@@ -389,17 +393,17 @@ class _BatchRecorder:
         self._row = row = row + 1
         self._observations[row] = self._flat(observations)
         if self._will_reset.any():
-            self._begin(np.flatnonzero(self._will_reset))
+            self._begin(np.flatnonzero(self._will_reset).tolist())
             ended = (terminated | truncated) & self._is_running & (self._first_row < row)
         else:
             ended = (terminated | truncated) & self._is_running
         if ended.any():
-            for copy in np.flatnonzero(ended):
+            for copy in np.flatnonzero(ended).tolist():
                 self._end(copy, TERMINATED if terminated[copy] else TRUNCATED, self._last_observation(copy, infos))
             if self._mode == AutoresetMode.NEXT_STEP:
                 self._will_reset |= ended
             elif self._mode == AutoresetMode.SAME_STEP:
-                self._begin(np.flatnonzero(ended))
+                self._begin(np.flatnonzero(ended).tolist())
         if row == self._capacity:
             self._empty()
 
@@ -412,7 +416,7 @@ class _BatchRecorder:
     def _flat(self, observations: Any) -> NDArray[Any]:
         return np.reshape(observations, self._observations.shape[1:])
 
-    def _begin(self, copies: NDArray[np.intp]) -> None:
+    def _begin(self, copies: list[int]) -> None:
         """Begin episodes with the observations in the current row."""
         self._is_running[copies] = True
         self._will_reset[copies] = False
@@ -420,7 +424,7 @@ class _BatchRecorder:
         self._first_step[copies] = 0
         self._total_reward[copies] = 0.0
 
-    def _last_observation(self, copy: int, infos: dict[str, Any]) -> NDArray[np.float32]:
+    def _last_observation(self, copy: int, infos: dict[str, Any]) -> Any:
         """The observation at the end of an episode, `[observations]`."""
         if self._mode != AutoresetMode.SAME_STEP:
             return self._observations[self._row, copy]
@@ -434,7 +438,7 @@ class _BatchRecorder:
             self._end(copy, TRUNCATED, self._observations[self._row, copy])
         self._is_running[copy] = False
 
-    def _end(self, copy: int, outcome: int, last_observation: NDArray[np.float32]) -> None:
+    def _end(self, copy: int, outcome: int, last_observation: NDArray[Any]) -> None:
         rows = slice(self._first_row[copy], self._row)
         states = np.concatenate([self._observations[rows, copy], last_observation[None]])
         self._write(copy, states, rows, outcome)
@@ -452,7 +456,7 @@ class _BatchRecorder:
 
     def _empty(self) -> None:
         """Write the steps of all running episodes, and continue in the first row."""
-        for copy in np.flatnonzero(self._is_running):
+        for copy in np.flatnonzero(self._is_running).tolist():
             rows = slice(self._first_row[copy], self._row)
             if rows.start < rows.stop:
                 self._write(copy, self._observations[rows, copy], rows, RUNNING)
@@ -467,7 +471,7 @@ def observation_axes(
     task: Any,
     names: Sequence[str] | None,
     units: Sequence[str] | Mapping[str, str] | None,
-    ranges: Sequence[Range | None] | Mapping[str, Range] | None,
+    ranges: Ranges,
 ) -> tuple[Axis, ...]:
     """The axes of the observations in a space, with what is given in place of what is known."""
     if not isinstance(space, spaces.Box):
@@ -488,6 +492,8 @@ def observation_axes(
         axes = tuple(Axis(name, axis.unit, axis.low, axis.high) for name, axis in zip(names, axes, strict=True))
     _check_names(axes, "names")
     given_units = _by_axis(axes, units, "units")
+    if isinstance(ranges, str) and ranges == "visited":
+        ranges = [(None, None)] * count
     given_ranges = [None if ends is None else _checked_range(ends) for ends in _by_axis(axes, ranges, "ranges")]
     return tuple(
         Axis(axis.name, axis.unit if unit is None else unit, *((axis.low, axis.high) if ends is None else ends))
@@ -601,7 +607,7 @@ def _numbers(space: spaces.Space[Any], task: Any) -> Callable[[Any], Any] | None
             return lambda action: [_value(one, table) for one, table in zip(np.reshape(action, -1), values, strict=True)]
         return None
     if isinstance(space, spaces.Dict):
-        return lambda action: spaces.flatten(_without_one_hot(space), action)
+        return lambda action: list(_numbers_of_dict(space, action))
     return None if len(space.shape or ()) <= 1 else lambda action: np.reshape(action, -1)
 
 
@@ -610,12 +616,10 @@ def _value(action: Any, values: NDArray[np.float32] | None) -> Any:
     return np.reshape(action, ()) if values is None else values[int(action)]
 
 
-def _without_one_hot(space: spaces.Dict) -> spaces.Dict:
-    """The space with Boxes in place of discrete actions, which Gymnasium would flatten to vectors."""
-    box = lambda part: spaces.Box(-np.inf, np.inf, part.shape or ())  # noqa: E731
-    return spaces.Dict({
-        key: _without_one_hot(part) if isinstance(part, spaces.Dict) else box(part) for key, part in space.spaces.items()
-    })
+def _numbers_of_dict(space: spaces.Dict, action: Any) -> Iterator[Any]:
+    """The numbers of an action, in the order of `_components`."""
+    for key, part in space.spaces.items():
+        yield from _numbers_of_dict(part, action[key]) if isinstance(part, spaces.Dict) else np.ravel(action[key])
 
 
 def _batch_numbers(space: spaces.Space[Any], task: Any) -> Callable[[Any], NDArray[Any]]:

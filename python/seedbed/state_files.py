@@ -219,9 +219,9 @@ class StateFile:
     def append_steps(
         self,
         first_step: int,
-        observations: NDArray[np.float32],
-        actions: NDArray[np.float32],
-        rewards: NDArray[np.float32],
+        observations: NDArray[np.floating],
+        actions: NDArray[np.floating],
+        rewards: NDArray[np.floating],
         outcome: int,
         total_reward: float,
     ) -> None:

@@ -225,6 +225,10 @@ def test_axes_are_given_or_bounds_or_learned(tmp_path):
     first, second = scan(state_file(tmp_path)).header.observations
     assert (first.name, first.unit, first.low, first.high) == ("Höhe", "", -1, 2)
     assert (second.name, second.unit, second.low, second.high) == ("角度", "rad", None, None)
+    with RecordVisitation(Counter(1, space), tmp_path / "visited", ranges="visited") as environment:
+        play(environment, 1)
+    axes = scan(state_file(tmp_path / "visited")).header.observations
+    assert [(axis.name, axis.low, axis.high) for axis in axes] == [("obs_0", None, None), ("obs_1", None, None)]
 
 
 @pytest.mark.parametrize(
@@ -239,6 +243,7 @@ def test_axes_are_given_or_bounds_or_learned(tmp_path):
         ({"ranges": {"obs_0": (1, 1)}}, "low < high"),
         ({"ranges": [(0, math.inf), None]}, "finite numbers"),
         ({"ranges": [(0, 1)]}, "expected 2 entries"),
+        ({"ranges": "all"}, "expected 2 entries"),
         ({"ranges": [3, None]}, "expected (low, high)"),
         ({"action_names": ["a", "b"]}, "expected 1 names"),
         ({"agent": -1}, "agent is -1"),
