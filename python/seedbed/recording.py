@@ -113,7 +113,8 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         actions = action_axes(env.action_space, task, action_names)
         header = _header(agent, environment or _name_of(env, env.spec), observations, actions, env.spec, env.metadata)
         recorders = _Recorders(Path(folder), [header], overwrite, resume)
-        self._recorder = _EpisodeRecorder(recorders, _numbers(env.action_space, task), keep_unfinished)
+        is_flat = len(env.observation_space.shape or ()) == 1
+        self._recorder = _EpisodeRecorder(recorders, _numbers(env.action_space, task), is_flat, keep_unfinished)
         self._finish = weakref.finalize(self, self._recorder.close)
         self._autoresets = _has_wrapper(env, gymnasium.wrappers.Autoreset)
 
@@ -267,9 +268,12 @@ def _buffered_steps(headers: Sequence[Header]) -> int:
 class _EpisodeRecorder:
     """Collects the steps of one agent, and writes them when the episode ends or the memory is full."""
 
-    def __init__(self, recorders: _Recorders, numbers: Callable[[Any], Any] | None, keep_unfinished: bool) -> None:
+    def __init__(
+        self, recorders: _Recorders, numbers: Callable[[Any], Any] | None, is_flat: bool, keep_unfinished: bool
+    ) -> None:
         self._recorders = recorders
         self._numbers = numbers
+        self._is_flat = is_flat
         self._keep_unfinished = keep_unfinished
         header = recorders.headers[0]
         self._capacity = _buffered_steps(recorders.headers)
@@ -298,10 +302,7 @@ class _EpisodeRecorder:
         self._rewards[step] = reward
         self._total_reward += reward
         step += 1
-        try:
-            self._observations[step] = observation
-        except (TypeError, ValueError):
-            self._observations[step] = np.reshape(observation, self._flat)
+        self._observations[step] = observation if self._is_flat else np.reshape(observation, self._flat)
         self._steps = step
         if terminated or truncated:
             self._end(TERMINATED if terminated else TRUNCATED)

@@ -62,7 +62,7 @@ COLUMNS = (
 )
 """Columns of `episodes.csv`. The last four are not known here; `seedbed inspect` computes them."""
 
-DERIVED_FILES = (EPISODES_TABLE, SUMMARY, "run.rrd")
+DERIVED_FILES = (EPISODES_TABLE, SUMMARY, "rounds.csv", "run.rrd")
 """Files that are made from files of visited states, and made again when there are more states."""
 
 FILES_OF_OTHER_RUNS = ("scenario.ron", "rounds.csv", "checkpoint", "run.rrd", "run.rrd.part")
@@ -423,20 +423,22 @@ def _table(episodes: Sequence[EpisodeRow]) -> bytes:
 
 
 def _summary(folder: Path, scans: Sequence[Scan], episodes: Sequence[EpisodeRow]) -> dict[str, Any]:
-    """The numbers that `seedbed runs` lists."""
+    """The results in a few numbers, as `seedbed run` writes them, as far as they are known."""
     agents = max(found.header.agent for found in scans) + 1
     returns = team_returns(episodes, agents)
     last = returns[-FINAL_WINDOW:]
-    final_return = math.fsum(last) / len(last) if last else None
+    final_return = math.fsum(last) / len(last) if last else 0.0
     return {
         "scenario": folder.resolve().name,
         "environment": scans[0].header.environment,
+        "seed": None,
         "agents": agents,
+        "rounds": max((row.episode + 1 for row in episodes), default=0),
         "episodes_per_agent": len(returns),
         "env_steps": sum(row.length for row in episodes),
         "solved_at": None,
         "episodes_until_solved": None,
-        "final_return": final_return if final_return is None or math.isfinite(final_return) else None,
+        "final_return": final_return if math.isfinite(final_return) else None,
     }
 
 

@@ -106,6 +106,11 @@ def test_exported_episodes_equal_the_table_that_python_wrote(program, recorded, 
         one, other = one.split(","), other.split(",")
         assert (one[:4], one[5:7]) == (other[:4], other[5:7]) and float(one[4]) == float(other[4])
         assert other[7:] == ["NaN"] * 4
+    # Measures of visits follow from the states: after its last episode, an agent has its coverage.
+    summary = json.loads(run(program, "inspect", folder, "--json"))
+    for agent in summary["agents"]:
+        last = [line.split(",") for line in exported if line.startswith(f"{agent['agent']},")][-1]
+        assert float(last[7]) == pytest.approx(agent["coverage"])
 
 
 def grids(states: np.ndarray) -> np.ndarray:

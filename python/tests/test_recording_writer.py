@@ -181,7 +181,7 @@ def test_an_episode_without_steps_is_no_episode(tmp_path):
         environment.reset()
         environment.reset()
     assert episodes_of(state_file(tmp_path), 2, 1) == []
-    assert json.loads((tmp_path / "summary.json").read_text())["final_return"] is None
+    assert json.loads((tmp_path / "summary.json").read_text())["final_return"] == 0
 
 
 def test_numbers_are_recorded_as_they_are(tmp_path):
@@ -229,6 +229,18 @@ def test_axes_are_given_or_bounds_or_learned(tmp_path):
         play(environment, 1)
     axes = scan(state_file(tmp_path / "visited")).header.observations
     assert [(axis.name, axis.low, axis.high) for axis in axes] == [("obs_0", None, None), ("obs_1", None, None)]
+
+
+def test_observations_of_any_shape_are_flattened(tmp_path):
+    class Grid(Counter):
+        def _observation(self):
+            return np.arange(6).reshape(2, 3) + self.steps
+
+    with RecordVisitation(Grid(2, spaces.Box(0, 20, (2, 3), np.uint8)), tmp_path) as environment:
+        play(environment, 1)
+    assert [axis.name for axis in scan(state_file(tmp_path)).header.observations][3:] == ["obs_1_0", "obs_1_1", "obs_1_2"]
+    (episode,) = episodes_of(state_file(tmp_path), 6, 1)
+    assert np.array_equal(episode["states"], np.arange(6) + np.arange(3)[:, None])
 
 
 @pytest.mark.parametrize(
