@@ -3,9 +3,7 @@
 
 use super::LoadedRun;
 use super::selection::EpisodeSelection;
-use crate::record::EpisodeRow;
-use crate::record::recording::Recording;
-use crate::record::{ReadError, RecordedEpisode};
+use crate::record::{EpisodeRow, ReadError, RecordedEpisode, RecordedStates};
 use crate::run::measures::diversity::Diversity;
 use crate::run::measures::first_visits::FirstRounds;
 use crate::run::measures::recent::LatestVisits;
@@ -55,7 +53,7 @@ impl RecordingStats {
     /// # Errors
     /// The file cannot be read.
     pub fn of(
-        recording: &Recording,
+        recording: &RecordedStates,
         selection: &EpisodeSelection,
         mut on_episode: impl FnMut(&RecordedEpisode),
     ) -> Result<Self, ReadError> {
