@@ -25,7 +25,7 @@ fn checksum(bytes: &[u8]) -> u32 {
     })
 }
 
-fn frame(kind: &[u8; 4], payload: &[u8]) -> Vec<u8> {
+fn frame(kind: [u8; 4], payload: &[u8]) -> Vec<u8> {
     let mut start = kind.to_vec();
     start.extend((payload.len() as u32).to_le_bytes());
     start.extend(checksum(payload).to_le_bytes());
@@ -50,7 +50,7 @@ fn file_start(header: &Value) -> Vec<u8> {
     let mut start = b"SBSTATES".to_vec();
     start.extend(1_u32.to_le_bytes());
     start.extend(checksum(&start).to_le_bytes());
-    [start, frame(b"HEAD", header.to_string().as_bytes())].concat()
+    [start, frame(*b"HEAD", header.to_string().as_bytes())].concat()
 }
 
 /// Steps of an episode: observations, actions and rewards.
@@ -82,7 +82,7 @@ impl Steps {
     }
 
     fn frame(&self) -> Vec<u8> {
-        frame(b"EPIS", &self.payload())
+        frame(*b"EPIS", &self.payload())
     }
 }
 
@@ -101,7 +101,7 @@ fn episode(number: u32, outcome: u32) -> Steps {
 }
 
 fn closed(episodes: u32) -> Vec<u8> {
-    frame(b"DONE", &episodes.to_le_bytes())
+    frame(*b"DONE", &episodes.to_le_bytes())
 }
 
 /// A file with three episodes, of which the second is written in two parts after an attempt that was
@@ -341,8 +341,9 @@ fn impossible_contents_are_refused() {
             steps(|steps| _ = steps.actions.pop()),
             "bytes do not contain 2 steps",
         ),
-        (with(frame(b"EPIS", &[0; 23])), "a frame of 23 bytes"),
-        (with(frame(b"WHAT", &[])), "unknown kind of frame"),
+        (with(frame(*b"EPIS", &[0; 23])), "a frame of 23 bytes"),
+        (with(frame(*b"WHAT", &[])), "unknown kind of frame"),
+        (with(frame(*b"HEAD", &[])), "a second header"),
         (with(closed(1)), "another number of episodes"),
         (
             steps(|steps| {

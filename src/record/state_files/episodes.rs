@@ -70,6 +70,7 @@ impl AgentEpisodes {
         while let Some(frame) = self.frames.next_frame()? {
             let added = match frame.kind {
                 FrameKind::Episode => self.add(&frame.payload),
+                FrameKind::Header => Err("a second header".to_owned()),
                 FrameKind::Closed => self.check_end(&frame.payload).map(|()| None),
             };
             let finished = added.map_err(|reason| self.damaged(&frame, reason))?;

@@ -18,10 +18,6 @@ const FILE_START: usize = 16;
 /// Number of bytes before the payload of a frame: kind, size and two checksums.
 const FRAME_START: usize = 16;
 
-const HEADER: [u8; 4] = *b"HEAD";
-const EPISODE: [u8; 4] = *b"EPIS";
-const CLOSED: [u8; 4] = *b"DONE";
-
 /// The frames of a file, read one by one.
 pub(super) struct Frames {
     path: PathBuf,
@@ -44,6 +40,8 @@ pub(super) struct Frame {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FrameKind {
+    /// What the states are; the first frame.
+    Header,
     /// Steps of an episode.
     Episode,
     /// The recorder was closed.
@@ -64,8 +62,8 @@ impl Frames {
         };
         frames.read_file_start()?;
         let offset = frames.offset;
-        let header = match frames.next_of_any_kind()? {
-            Some((_, HEADER, payload)) => Header::from_json(&payload),
+        let header = match frames.next_frame()? {
+            Some(frame) if frame.kind == FrameKind::Header => Header::from_json(&frame.payload),
             _ => Err("it has no header".to_owned()),
         };
         let header = header.map_err(|reason| frames.damaged(offset, reason))?;
@@ -98,22 +96,6 @@ impl Frames {
 
     /// The next frame; `None` at the end of the file, or of its complete frames.
     pub(super) fn next_frame(&mut self) -> Result<Option<Frame>, ReadError> {
-        let Some((offset, kind, payload)) = self.next_of_any_kind()? else {
-            return Ok(None);
-        };
-        let kind = match kind {
-            EPISODE => FrameKind::Episode,
-            CLOSED => FrameKind::Closed,
-            _ => return Err(self.damaged(offset, "unknown kind of frame".to_owned())),
-        };
-        Ok(Some(Frame {
-            offset,
-            kind,
-            payload,
-        }))
-    }
-
-    fn next_of_any_kind(&mut self) -> Result<Option<(u64, [u8; 4], Vec<u8>)>, ReadError> {
         let offset = self.offset;
         let remaining = self.size - offset;
         if remaining < FRAME_START as u64 {
@@ -138,8 +120,17 @@ impl Frames {
         if checksum(&payload) != number(&start[8..12]) {
             return Err(self.damaged(offset, "wrong checksum".to_owned()));
         }
-        let kind = [start[0], start[1], start[2], start[3]];
-        Ok(Some((offset, kind, payload)))
+        let kind = match &start[..4] {
+            b"HEAD" => FrameKind::Header,
+            b"EPIS" => FrameKind::Episode,
+            b"DONE" => FrameKind::Closed,
+            _ => return Err(self.damaged(offset, "unknown kind of frame".to_owned())),
+        };
+        Ok(Some(Frame {
+            offset,
+            kind,
+            payload,
+        }))
     }
 
     /// Whether the file ends with zeros from here, as after a failure of the machine.

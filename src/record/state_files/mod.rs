@@ -31,6 +31,7 @@ const FOLDER: &str = "states";
 pub struct StateFiles {
     /// In ascending order of agents.
     files: Vec<PathBuf>,
+    agents: u32,
     properties: BTreeMap<String, String>,
     observations: Vec<Quantity>,
     actions: Vec<Quantity>,
@@ -128,8 +129,7 @@ impl StateFiles {
     /// Number of agents K: the largest number of an agent, plus 1.
     #[must_use]
     pub fn agent_count(&self) -> u32 {
-        let agents = self.properties["agents"].parse();
-        agents.expect("the number of agents was written as a number")
+        self.agents
     }
 
     /// The observations of an agent, in order.
@@ -275,6 +275,7 @@ impl Collected {
         ];
         StateFiles {
             files,
+            agents,
             properties: properties
                 .map(|(name, value)| (name.to_owned(), value))
                 .into(),
