@@ -18,6 +18,7 @@ Importing this package registers the built-in tasks with Gymnasium:
 from ._native import Action, Quantity, Task, TaskError, __version__
 from .environment import Env
 from .making import make, parallel_env
+from .recording import RecordingError, RecordVisitation, RecordVisitationVector
 from .registration import environment_id, register_builtin_tasks, tasks
 from .vector import VectorEnv
 
@@ -25,6 +26,9 @@ __all__ = [
     "Action",
     "Env",
     "Quantity",
+    "RecordVisitation",
+    "RecordVisitationVector",
+    "RecordingError",
     "Task",
     "TaskError",
     "VectorEnv",

@@ -369,7 +369,7 @@ fn print_results_of_others(plan: &StudyPlan) {
             external.pattern()
         );
         for warning in cell.source.warnings() {
-            eprintln!("warning: cell `{}`: {warning}", cell.name);
+            note!("warning: cell `{}`: {warning}", cell.name);
         }
     }
 }

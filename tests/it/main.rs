@@ -16,6 +16,7 @@ mod registration;
 mod reliability;
 mod review;
 mod shared_world;
+mod state_files;
 #[cfg(unix)]
 mod stopping;
 mod study;
