@@ -263,3 +263,17 @@ fn links_between_pages_lead_to_files() {
     }
     assert!(link_count > 50, "{link_count} links found");
 }
+
+/// Every published package contains the licenses.
+#[test]
+fn packages_have_the_texts_of_the_licenses() {
+    let repository = Path::new(REPOSITORY);
+    for package in ["env", "figure", "learn", "stats"] {
+        for name in ["LICENSE-APACHE", "LICENSE-MIT"] {
+            let copy = repository.join(format!("crates/seedbed-{package}/{name}"));
+            let copied = std::fs::read_to_string(&copy).unwrap();
+            let text = std::fs::read_to_string(repository.join(name)).unwrap();
+            assert_eq!(copied, text, "{}", copy.display());
+        }
+    }
+}
