@@ -6,8 +6,10 @@ use std::process::Command;
 
 use super::util::{REPOSITORY, run_successful, stderr, stdout};
 
-/// Commands that are not run here: they wait for a viewer, or take hours.
-const NOT_RUN: [&str; 5] = [
+/// Commands that are not run here: they wait for a viewer, take hours, or read a run that Python
+/// recorded.
+const NOT_RUN: [&str; 6] = [
+    "recordings/lander",
     "--live",
     "--serve",
     "/thesis/",

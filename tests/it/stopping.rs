@@ -34,29 +34,52 @@ fn start(mut command: Command, folder: &Path) -> Child {
 
 /// The run has no checkpoint before the signal, so that the one from which it is resumed is due to the
 /// signal.
-#[test]
-fn term_and_hup_write_a_checkpoint_and_the_run_can_be_resumed() {
-    let folder = tempfile::tempdir().unwrap();
-    let whole = folder.path().join("whole");
+fn assert_resumable_after(signal: &str, run: Command, stopped: &Path) {
+    let child = start(run, stopped);
+    send_signal(signal, &child);
+    let output = child.wait_with_output().unwrap();
+    let errors = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{signal}: {errors}");
+    assert!(
+        errors.contains("stopping, at the latest after this round"),
+        "{errors}"
+    );
+    assert!(errors.contains("resume with\n"), "{errors}");
+    assert!(stopped.join("checkpoint/state.bin").is_file(), "{signal}");
+    let mut resumed = run_command(stopped, &[&RUN[..], &["--resume"]].concat());
+    let output = resumed.output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let whole = stopped.with_extension("whole");
     assert!(run_command(&whole, &RUN).output().unwrap().status.success());
-    for signal in ["TERM", "HUP"] {
-        let stopped = folder.path().join(signal);
-        let child = start(run_command(&stopped, &RUN), &stopped);
-        send_signal(signal, &child);
-        let output = child.wait_with_output().unwrap();
-        let errors = stderr(&output);
-        assert_eq!(output.status.code(), Some(1), "{signal}: {errors}");
-        assert!(
-            errors.contains("stopping, at the latest after this round"),
-            "{errors}"
-        );
-        assert!(errors.contains("resume with\n"), "{errors}");
-        assert!(stopped.join("checkpoint/state.bin").is_file(), "{signal}");
-        let resumed = run_command(&stopped, &[&RUN[..], &["--resume"]].concat());
-        let output = { resumed }.output().unwrap();
-        assert!(output.status.success(), "{}", stderr(&output));
-        assert_same_results(&whole, &stopped);
-    }
+    assert_same_results(&whole, stopped);
+}
+
+#[test]
+fn a_run_that_gets_term_can_be_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    assert_resumable_after("TERM", run_command(&path, &RUN), &path);
+}
+
+/// `env` handles HUP as usual even if these tests were started by `nohup`.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_that_gets_hup_can_be_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = started_by("env", &["--default-signal=HUP"], &run_command(&path, &RUN));
+    assert_resumable_after("HUP", run, &path);
+}
+
+/// The command that starts `run` by another program.
+fn started_by(program: &str, arguments: &[&str], run: &Command) -> Command {
+    let mut command = Command::new(program);
+    command
+        .args(arguments)
+        .arg(run.get_program())
+        .args(run.get_args())
+        .current_dir(run.get_current_dir().unwrap());
+    command
 }
 
 /// `nohup` starts programs with HUP ignored.
@@ -64,14 +87,8 @@ fn term_and_hup_write_a_checkpoint_and_the_run_can_be_resumed() {
 fn a_run_that_ignores_hup_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
-    let run = run_command(&path, &RUN);
-    let mut command = Command::new("sh");
-    command
-        .args(["-c", "trap '' HUP; exec \"$@\"", "sh"])
-        .arg(run.get_program())
-        .args(run.get_args())
-        .current_dir(run.get_current_dir().unwrap());
-    let child = start(command, &path);
+    let script = ["-c", "trap '' HUP; exec \"$@\"", "sh"];
+    let child = start(started_by("sh", &script, &run_command(&path, &RUN)), &path);
     send_signal("HUP", &child);
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
