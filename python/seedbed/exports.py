@@ -88,7 +88,7 @@ def source_files(run: Path, content: Content) -> list[Path]:
 def _version(sources: Iterable[Path]) -> str:
     """Hash of the versions of the files of a run, and of the program that reads them."""
     versions = []
-    for path in (*sources, Path(command())):
+    for path in (*sources, Path(command()).resolve()):
         status = path.stat()
         versions.append((path.name, status.st_size, status.st_mtime_ns, status.st_ino))
     return hashlib.sha256(repr(versions).encode()).hexdigest()[:24]

@@ -446,7 +446,9 @@ def _limited(head: Head, values: Array) -> Array:
 def _as_action(heads: list[Head], chosen: list[NDArray[Any]]) -> Any:
     """Actions in the form that the environment takes."""
     discrete = [head.is_discrete for head in heads]
-    typed = [np.asarray(values, np.int64 if head.is_discrete else np.float32)[()] for head, values in zip(heads, chosen, strict=True)]
+    pairs = zip(heads, chosen, strict=True)
+    # `[()]` makes a number of an array without axes; `Box.contains` expects an array.
+    typed = [np.asarray(values, np.int64)[()] if head.is_discrete else np.asarray(values, np.float32) for head, values in pairs]
     if len(heads) == 1 and discrete[0]:
         return typed[0]
     if all(discrete) or not any(discrete):

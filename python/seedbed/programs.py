@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 
 from seedbed_command import command
@@ -20,7 +21,6 @@ def call(*arguments: str | os.PathLike[str]) -> str:
     line = [command(), *(os.fspath(argument) for argument in arguments)]
     done = subprocess.run(line, capture_output=True, encoding="utf-8", errors="replace", stdin=subprocess.DEVNULL)
     if done.returncode != 0:
-        lines = done.stderr.strip().splitlines()
-        message = "\n".join(lines).rpartition("error: ")[2]
+        message = re.split(r"^error: ", done.stderr.strip(), flags=re.MULTILINE)[-1]
         raise RunError(None, message or f"`seedbed {arguments[0]!s}` ended with exit status {done.returncode}")
     return done.stdout

@@ -119,7 +119,10 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Name of the scenario (or of the environment, if the run is in progress), and the run seed."""
+        """Name of the scenario and the run seed.
+
+        While the run is in progress, the name is that of the folder above, as in `seedbed runs`.
+        """
         if not self._is_folder:
             return self.path.name
         row = self.info
@@ -144,6 +147,8 @@ class Run:
             RunError: The run cannot be read.
         """
         folder = self._folder("results")
+        # An error of the summary names it.
+        self._summary()
         rows = [row for row in _listed(folder) if Path(row["path"]).resolve() == folder.resolve()]
         if not rows:
             raise RunError(folder, "it contains no run")
