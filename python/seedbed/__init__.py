@@ -28,6 +28,7 @@ from .errors import RunError
 from .making import make, parallel_env
 from .policies import Policy
 from .reading import Run, load, runs
+from .recording import RecordingError, RecordVisitation, RecordVisitationVector
 from .registration import environment_id, register_builtin_tasks, tasks
 from .vector import VectorEnv
 
@@ -36,6 +37,9 @@ __all__ = [
     "Env",
     "Policy",
     "Quantity",
+    "RecordVisitation",
+    "RecordVisitationVector",
+    "RecordingError",
     "Run",
     "RunError",
     "Task",

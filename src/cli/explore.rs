@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::progress::ReadCounter;
-use super::{CliError, pluralize};
+use super::{CliError, open_run, pluralize};
 use seedbed::explore::{DEFAULT_MAX_STATES, ExploreError, Explorer};
 use seedbed::run::files;
 use seedbed::run::review::LoadedRun;
@@ -43,7 +43,7 @@ pub(super) struct ExploreArgs {
 pub(super) fn explore(args: &ExploreArgs) -> Result<(), CliError> {
     let mut runs = Vec::with_capacity(args.runs.len());
     for path in &args.runs {
-        runs.push((path.clone(), LoadedRun::open(path)?));
+        runs.push((path.clone(), open_run(path)?));
     }
     let out = args.out.clone().unwrap_or_else(|| default_out(&runs));
     let max_states = if args.all { u64::MAX } else { args.states };

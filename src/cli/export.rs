@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use super::progress::ReadCounter;
-use super::{CliError, pluralize};
+use super::{CliError, open_run, pluralize};
 use seedbed::export::{self, Content, ExportError, Format, tensorboard};
 use seedbed::run::review::LoadedRun;
 
@@ -16,6 +16,7 @@ use seedbed::run::review::LoadedRun;
   seedbed export recordings/cartpole/seed-0 --to states.npz          numpy.load(\"states.npz\")[\"theta\"]
   seedbed export recordings/cartpole/seed-0 --to episodes.csv --content episodes
   seedbed export recordings/cartpole/seed-0 --tensorboard logs       tensorboard --logdir logs
+  seedbed export recordings/lander --to run.rrd                      a run of another program, for the Rerun viewer
 
 A row of `states` has agent, episode, round and step, all observations, the action that the policy chose (before \
 the actuator limits it), its reward, \
@@ -24,7 +25,8 @@ are empty (CSV), null (Parquet) or NaN (NumPy).")]
 pub(super) struct ExportArgs {
     /// Run directory, or a recording
     run: PathBuf,
-    /// Write this file: .csv, .parquet or .npz
+    /// Write this file: .csv, .parquet or .npz; or .rrd, a recording for the Rerun viewer, of a run that another
+    /// program recorded
     #[arg(long, value_name = "FILE")]
     to: Option<PathBuf>,
     /// What the file contains
@@ -52,7 +54,7 @@ enum ContentArg {
 }
 
 pub(super) fn export(args: &ExportArgs) -> Result<(), CliError> {
-    let run = LoadedRun::open(&args.run)?;
+    let run = open_run(&args.run)?;
     match (&args.to, &args.tensorboard) {
         (Some(path), _) => export_file(&run, args, path),
         (None, Some(folder)) => export_events(&run, folder),
@@ -61,9 +63,12 @@ pub(super) fn export(args: &ExportArgs) -> Result<(), CliError> {
 }
 
 fn export_file(run: &LoadedRun, args: &ExportArgs, path: &Path) -> Result<(), CliError> {
+    if path.extension().is_some_and(|extension| extension == "rrd") {
+        return export_recording(run, args, path);
+    }
     let format = Format::of(path).ok_or_else(|| {
         CliError::Usage(format!(
-            "--to {}: expected a file that ends in .csv, .parquet or .npz",
+            "--to {}: expected a file that ends in .csv, .parquet, .npz or .rrd",
             path.display()
         ))
     })?;
@@ -79,6 +84,22 @@ fn export_file(run: &LoadedRun, args: &ExportArgs, path: &Path) -> Result<(), Cl
         "wrote {}: {}",
         path.display(),
         pluralize(rows as usize, "row")
+    );
+    Ok(())
+}
+
+fn export_recording(run: &LoadedRun, args: &ExportArgs, path: &Path) -> Result<(), CliError> {
+    if args.content != ContentArg::States {
+        let message = "--content: a recording (.rrd) has everything; expected states, the default";
+        return Err(CliError::Usage(message.to_owned()));
+    }
+    let counter = ReadCounter::new("episodes read");
+    let states = export::export_recording(run, path, &mut || counter.count())?;
+    drop(counter);
+    say!(
+        "wrote {0}: {1}; open it with\n  rerun {0}",
+        path.display(),
+        pluralize(states as usize, "state")
     );
     Ok(())
 }
@@ -105,10 +126,11 @@ fn export_events(run: &LoadedRun, folder: &Path) -> Result<(), CliError> {
 impl From<ExportError> for CliError {
     fn from(error: ExportError) -> Self {
         match error {
-            ExportError::Write { .. } => Self::Runtime(error.to_string()),
-            ExportError::Missing { .. } | ExportError::Table(_) | ExportError::Recording(_) => {
-                Self::Usage(error.to_string())
-            }
+            ExportError::Write { .. } | ExportError::Record(_) => Self::Runtime(error.to_string()),
+            ExportError::Missing { .. }
+            | ExportError::IsRecorded(_)
+            | ExportError::Table(_)
+            | ExportError::Recording(_) => Self::Usage(error.to_string()),
         }
     }
 }

@@ -8,10 +8,9 @@ use clap::Args;
 use rayon::prelude::*;
 
 use super::progress::{ReadCounter, episode_bar};
-use super::{CliError, pluralize};
+use super::{CliError, open_run, pluralize};
 use seedbed::film::gif::GifWriter;
 use seedbed::film::{Film, FilmError, FilmSettings};
-use seedbed::run::review::LoadedRun;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -45,7 +44,7 @@ pub(super) struct FilmArgs {
 }
 
 pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
-    let run = LoadedRun::open(&args.run)?;
+    let run = open_run(&args.run)?;
     let out = args.out.clone().unwrap_or_else(|| match &run.folder {
         Some(folder) => folder.path().join("film.gif"),
         None => PathBuf::from("film.gif"),
@@ -66,7 +65,7 @@ pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
     let counter = ReadCounter::new("episodes read");
     let film = Film::of_run(&run, settings, &mut || counter.count())?;
     drop(counter);
-    if !film.has_bodies() {
+    if !film.has_bodies() && run.state_files().is_none() {
         eprintln!(
             "warning: no motion of agent {0} is recorded, so that the film shows no bodies; record it with `--set \
              'recording.scene=(agents: [{0}])'`",

@@ -31,7 +31,7 @@ mod sparkline;
 mod study;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -39,7 +39,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use seedbed::record::LiveError;
 use seedbed::record::recording::DEFAULT_VIEWER;
 use seedbed::run::RunError;
-use seedbed::run::review::LoadRunError;
+use seedbed::run::review::{LoadRunError, LoadedRun};
 use seedbed::study::experiment::LoadError;
 use seedbed::text::pluralize;
 use seedbed_env::input::InputError;
@@ -516,6 +516,15 @@ impl From<LoadRunError> for CliError {
     fn from(error: LoadRunError) -> Self {
         Self::Usage(error.to_string())
     }
+}
+
+/// Opens a run, and prints what is incomplete in its files.
+fn open_run(path: &Path) -> Result<LoadedRun, CliError> {
+    let run = LoadedRun::open(path)?;
+    for warning in run.warnings() {
+        eprintln!("warning: {warning}");
+    }
+    Ok(run)
 }
 
 fn say_line(line: std::fmt::Arguments<'_>) {

@@ -6,8 +6,7 @@ use super::run::recorder_factory_at;
 use super::{CliError, PreviewArgs, film, pluralize};
 use seedbed::film::{Film, FilmSettings, Filmed};
 use seedbed::input_files::{self, Directory};
-use seedbed::record::EpisodeRow;
-use seedbed::record::recording::Recording;
+use seedbed::record::{EpisodeRow, RecordedStates};
 use seedbed::run::preview;
 use seedbed::run::review::LoadRunError;
 use seedbed_env::input::numbers::Count;
@@ -81,12 +80,11 @@ fn write_film(
         width: 760,
         scenes: rows.len(),
     };
-    let recording = Recording::open(recording).map_err(LoadRunError::from)?;
+    let recording = RecordedStates::open(recording).map_err(LoadRunError::from)?;
     let filmed = Filmed {
         title: format!("{}, random actions", spec.name),
         recording: &recording,
-        description,
-        physics,
+        task: Some((description, physics)),
         agent_count: 1,
         episodes: rows,
     };

@@ -51,11 +51,15 @@ struct ShapeData {
 }
 
 impl Filmed {
-    /// `None` without recorded bodies, and for recordings without the files of their run.
+    /// `None` without recorded bodies, and for recordings without the files of their run or of other
+    /// programs.
     pub(super) fn read(run: &LoadedRun) -> Result<Option<Self>, FilmError> {
         let (Some(recording), Some(folder)) = (&run.recording, &run.folder) else {
             return Ok(None);
         };
+        if recording.state_files().is_some() {
+            return Ok(None); // there is no task whose bodies could be drawn
+        }
         let plan = Plan::load(&folder.scenario_file(), &[])?;
         let environment = seedbed_env::build(&plan.description, plan.scenario.physics, 1)?;
         let (Some(scene), Some(settings)) = (environment.scene(), &plan.scenario.recording.scene)

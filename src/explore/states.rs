@@ -2,8 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::record::recording::Recording;
-use crate::record::{ReadError, RecordedEpisode};
+use crate::record::{ReadError, RecordedEpisode, RecordedStates};
 use crate::run::review::selection::is_sampled;
 use seedbed_env::{Quantity, Status};
 
@@ -76,7 +75,7 @@ type EpisodeKey = (u32, u32);
 /// Reads a recording, twice. At most `max_states` states are kept; all states of the episodes
 /// `filmed` are returned separately. Calls `on_episode` for each episode.
 pub(super) fn read(
-    recording: &Recording,
+    recording: &RecordedStates,
     max_states: u64,
     filmed: &BTreeSet<EpisodeKey>,
     on_episode: &mut dyn FnMut(),
@@ -151,7 +150,7 @@ pub(super) fn read(
     })
 }
 
-fn empty_columns(recording: &Recording, has_advantages: bool) -> Vec<StateColumn> {
+fn empty_columns(recording: &RecordedStates, has_advantages: bool) -> Vec<StateColumn> {
     let column = |quantity: Quantity, kind| StateColumn {
         quantity,
         kind,

@@ -4,6 +4,8 @@
 mod csv;
 mod npz;
 mod parquet;
+mod recording;
+mod rounds;
 mod states;
 mod table;
 pub mod tensorboard;
@@ -13,8 +15,9 @@ use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 use self::table::Table;
-use crate::record::ReadError;
+use crate::record::state_files::StateFiles;
 use crate::record::table::TableError;
+use crate::record::{ReadError, RecordError};
 use crate::run::review::LoadedRun;
 
 /// What is exported.
@@ -58,6 +61,12 @@ pub enum ExportError {
     /// The recording cannot be read.
     #[error(transparent)]
     Recording(#[from] ReadError),
+    /// Only visited states that another program recorded become a recording.
+    #[error("{0} has a recording already; expected a run that another program recorded in states/")]
+    IsRecorded(PathBuf),
+    /// The recording cannot be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
     /// The file cannot be written.
     #[error("cannot write {path}: {error}")]
     Write {
@@ -146,19 +155,57 @@ fn write_content(
         let folder = run.folder.as_ref()?;
         Some(folder.table_files()[index].clone())
     };
-    match content {
-        Content::States => {
+    match (content, run.state_files()) {
+        (Content::States, _) => {
             let recording = run.recording.as_ref();
             let recording = recording.ok_or_else(|| missing("recording", "states"))?;
             states::write(recording, write, on_episode)
         }
-        Content::Episodes => {
+        (_, Some(files)) => write(table_of_rounds(files, content, on_episode)?),
+        (Content::Episodes, None) => {
             let file = table_file(0).ok_or_else(|| missing("episodes.csv", "episodes"))?;
             write(table::read_csv(&file)?)
         }
-        Content::Rounds => {
+        (Content::Rounds, None) => {
             let file = table_file(1).ok_or_else(|| missing("rounds.csv", "rounds"))?;
             write(table::read_csv(&file)?)
         }
     }
+}
+
+/// The episodes or rounds of a run that another program recorded, with measures of the visited
+/// states.
+fn table_of_rounds(
+    files: &StateFiles,
+    content: Content,
+    on_episode: &mut dyn FnMut(),
+) -> Result<Table, ExportError> {
+    let (mut episodes, mut updates) = (Vec::new(), Vec::new());
+    rounds::for_each(files, &rounds::task_spec(files), |_, _, rows| {
+        rows.episodes.iter().for_each(|_| on_episode());
+        episodes.extend(rows.episodes);
+        updates.extend(rows.updates);
+        Ok(())
+    })?;
+    Ok(if content == Content::Episodes {
+        Table::of_rows(&episodes)
+    } else {
+        Table::of_rows(&updates)
+    })
+}
+
+/// Writes a recording, `run.rrd`, of a run that another program recorded, and returns the number of
+/// states. Calls `on_episode` for each episode. If it fails, an existing file at `path` is not
+/// changed.
+///
+/// # Errors
+/// The run has a recording already, or a file cannot be read or written.
+pub fn export_recording(
+    run: &LoadedRun,
+    path: &Path,
+    on_episode: &mut dyn FnMut(),
+) -> Result<u64, ExportError> {
+    let files = run.state_files();
+    let files: &StateFiles = files.ok_or_else(|| ExportError::IsRecorded(run.path.clone()))?;
+    recording::write(&run.name(), files, path, on_episode)
 }

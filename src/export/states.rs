@@ -3,8 +3,7 @@
 
 use super::ExportError;
 use super::table::{Column, Table, Values};
-use crate::record::RecordedEpisode;
-use crate::record::recording::Recording;
+use crate::record::{RecordedEpisode, RecordedStates};
 
 /// Number of rows after which a batch is written.
 const BATCH_ROWS: usize = 100_000;
@@ -29,7 +28,7 @@ struct Batch {
 
 /// Reads all episodes of a recording and writes their states.
 pub(super) fn write(
-    recording: &Recording,
+    recording: &RecordedStates,
     write: &mut dyn FnMut(Table) -> Result<(), ExportError>,
     on_episode: &mut dyn FnMut(),
 ) -> Result<(), ExportError> {
@@ -45,7 +44,7 @@ pub(super) fn write(
 }
 
 impl Batch {
-    fn new(recording: &Recording) -> Self {
+    fn new(recording: &RecordedStates) -> Self {
         let mut used = INDEX_NAMES.map(str::to_owned).to_vec();
         used.extend([REWARD, INTRINSIC_REWARD, OUTCOME].map(str::to_owned));
         let observations = recording.observations().iter();

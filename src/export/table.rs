@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::Serialize;
+
 use crate::record::table::{TableError, read_complete_rows};
 
 /// Columns of equal length.
@@ -27,6 +29,16 @@ pub(super) enum Values {
 }
 
 impl Table {
+    /// A table with the columns of `episodes.csv` or `rounds.csv`.
+    pub(super) fn of_rows<R: Serialize>(rows: &[R]) -> Self {
+        let mut writer = ::csv::Writer::from_writer(Vec::new());
+        let serialized = rows.iter().try_for_each(|row| writer.serialize(row));
+        let bytes = writer.into_inner().expect("memory can be written");
+        let text = String::from_utf8_lossy(&bytes);
+        let table = serialized.and_then(|()| parse_csv(&text));
+        table.expect("rows of numbers are written to memory and read back")
+    }
+
     /// Number of rows.
     pub(super) fn len(&self) -> usize {
         self.columns.first().map_or(0, |column| column.values.len())
@@ -83,16 +95,19 @@ impl Values {
 
 /// Reads a table with a header. An incomplete last row is ignored.
 pub(super) fn read_csv(path: &Path) -> Result<Table, TableError> {
-    let error = |error: ::csv::Error| TableError {
+    let text = read_complete_rows(path)?;
+    parse_csv(&text).map_err(|error| TableError {
         path: path.to_owned(),
         reason: error.to_string(),
-    };
-    let text = read_complete_rows(path)?;
+    })
+}
+
+fn parse_csv(text: &str) -> Result<Table, ::csv::Error> {
     let mut reader = ::csv::Reader::from_reader(text.as_bytes());
-    let header = reader.headers().map_err(error)?.clone();
+    let header = reader.headers()?.clone();
     let mut cells: Vec<Vec<String>> = vec![Vec::new(); header.len()];
     for row in reader.records() {
-        for (column, cell) in cells.iter_mut().zip(&row.map_err(error)?) {
+        for (column, cell) in cells.iter_mut().zip(&row?) {
             column.push(cell.to_owned());
         }
     }

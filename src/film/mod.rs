@@ -10,8 +10,7 @@ use std::path::PathBuf;
 
 use crate::plotting;
 use crate::record::framing;
-use crate::record::recording::Recording;
-use crate::record::{EpisodeRow, ReadError, RecordedScene};
+use crate::record::{EpisodeRow, ReadError, RecordedScene, RecordedStates};
 use crate::run::Plan;
 use crate::run::review::selection::{
     EpisodeSelection, SelectedState, SelectedStates, StateSelection,
@@ -29,12 +28,11 @@ use seedbed_figure::{
 pub struct Filmed<'a> {
     /// Title of all frames.
     pub title: String,
-    /// The recording.
-    pub recording: &'a Recording,
-    /// The task, whose bodies are drawn.
-    pub description: &'a TaskDescription,
-    /// Simulation of the task.
-    pub physics: Physics,
+    /// The visited states.
+    pub recording: &'a RecordedStates,
+    /// The task, whose bodies are drawn, and its simulation. `None` if another program recorded the
+    /// run; then there are no bodies.
+    pub task: Option<(&'a TaskDescription, Physics)>,
     /// Number of agents K.
     pub agent_count: usize,
     /// One row per episode, in (round, agent) order.
@@ -137,12 +135,16 @@ impl Film {
                 agent_count,
             });
         }
-        let plan = Plan::load(&folder.scenario_file(), &[])?;
+        let has_scenario = recording.state_files().is_none();
+        let plan = has_scenario
+            .then(|| Plan::load(&folder.scenario_file(), &[]))
+            .transpose()?;
         let filmed = Filmed {
             title: run.name(),
             recording,
-            description: &plan.description,
-            physics: plan.scenario.physics,
+            task: plan
+                .as_ref()
+                .map(|plan| (&plan.description, plan.scenario.physics)),
             agent_count,
             episodes: &run.episodes,
         };
@@ -313,7 +315,10 @@ fn in_order_of_episodes(selected: Vec<SelectedStates>) -> Vec<(u32, SelectedStat
 impl Bodies {
     /// `None` if the task has no bodies, or none were recorded.
     fn read(filmed: &Filmed<'_>, settings: FilmSettings) -> Result<Option<Self>, FilmError> {
-        let environment = seedbed_env::build(filmed.description, filmed.physics, 1)?;
+        let Some((description, physics)) = filmed.task else {
+            return Ok(None);
+        };
+        let environment = seedbed_env::build(description, physics, 1)?;
         let Some(scene) = environment.scene() else {
             return Ok(None);
         };
@@ -325,7 +330,7 @@ impl Bodies {
             return Ok(None);
         };
         let frame_time = 1.0 / f64::from(settings.frames_per_second);
-        let control_step = filmed.description.spec().control_step;
+        let control_step = description.spec().control_step;
         Ok(Some(Self {
             scene: scene.clone(),
             episodes,

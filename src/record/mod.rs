@@ -3,7 +3,8 @@
 //! The training loop gets one [`RecorderFactory`] per file, and passes each round to the
 //! [`Recorder`] that the factory makes. [`recording`] writes `run.rrd`; in builds with the feature
 //! `rerun` it is the module `rerun`, and only that module imports the Rerun SDK. [`table`] writes
-//! `episodes.csv` and `rounds.csv`, whose columns are the [`metrics`]. [`visitation`] computes what
+//! `episodes.csv` and `rounds.csv`, whose columns are the [`metrics`]. [`state_files`] reads visited
+//! states that other programs recorded; [`RecordedStates`] are those or a recording. [`visitation`] computes what
 //! images of visited states show. These modules must not depend on training.
 
 mod bonus;
@@ -12,12 +13,14 @@ mod live_error;
 pub mod metrics;
 pub(crate) mod outline;
 mod recorded_episode;
+mod recorded_states;
 #[cfg(not(feature = "rerun"))]
 pub mod recording;
 #[cfg(feature = "rerun")]
 pub mod rerun;
 mod run_info;
 mod settings;
+pub mod state_files;
 pub mod table;
 pub mod visitation;
 
@@ -33,6 +36,7 @@ pub use bonus::BonusRange;
 pub use live_error::LiveError;
 pub use metrics::RoundRow;
 pub use recorded_episode::{ReadError, RecordedEpisode, RecordedScene};
+pub use recorded_states::RecordedStates;
 pub use run_info::{Focus, RunInfo};
 pub use settings::{AxisChoice, ColorBy, Difference, PairChoice, RecordingSettings, SceneSettings};
 

@@ -49,6 +49,16 @@ pub enum ReadError {
         /// Why it cannot be read.
         reason: String,
     },
+    /// A part of the file has a wrong checksum or impossible contents.
+    #[error("{path} is damaged at offset {offset}: {reason}")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Position of the damaged part, in bytes.
+        offset: u64,
+        /// What is wrong there.
+        reason: String,
+    },
     /// Rerun can read the file, but it was not written by this version of seedbed.
     #[error(
         "{path} is not a recording that this version of seedbed can read: it has no entity `{missing}`"

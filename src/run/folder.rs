@@ -6,6 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::{checkpoint, overview};
+use crate::record::state_files::StateFiles;
 
 /// The directory of one run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,7 +25,7 @@ pub enum Contents {
     UnfinishedRun,
     /// A run that ended before its first checkpoint.
     RunWithoutCheckpoint,
-    /// Files that no run wrote.
+    /// Files that no run of seedbed wrote, such as the states that another program recorded.
     OtherFiles,
 }
 
@@ -45,7 +46,10 @@ impl RunFolder {
     /// What the directory contains now.
     #[must_use]
     pub fn contents(&self) -> Contents {
-        if self.summary_file().is_file() {
+        if self.has_state_files() {
+            // No run of seedbed may take the place of what another program recorded.
+            Contents::OtherFiles
+        } else if self.summary_file().is_file() {
             Contents::FinishedRun
         } else if checkpoint::file(&self.path).is_file() {
             Contents::UnfinishedRun
@@ -64,7 +68,15 @@ impl RunFolder {
         let [episodes, _] = self.table_files();
         let part = self.recording_file().with_added_extension("part");
         let results = [self.summary_file(), episodes, self.recording_file(), part];
-        results.iter().any(|path| path.is_file()) || checkpoint::file(&self.path).is_file()
+        results.iter().any(|path| path.is_file())
+            || checkpoint::file(&self.path).is_file()
+            || self.has_state_files()
+    }
+
+    /// Whether the directory contains files of visited states, which another program recorded.
+    #[must_use]
+    pub fn has_state_files(&self) -> bool {
+        !StateFiles::paths_in(&self.path).is_empty()
     }
 
     /// Locks the directory, and creates it if necessary. `None` if another process has locked it.

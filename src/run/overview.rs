@@ -6,11 +6,12 @@ use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-use super::folder::{Contents, RunFolder};
+use super::folder::RunFolder;
 use super::review::{final_mean, team_returns};
 use super::summary::SolvedAt;
 use crate::input_files;
 use crate::record::EpisodeRow;
+use crate::record::state_files::StateFiles;
 use crate::record::table;
 use crate::scenario::Scenario;
 use crate::text::file_stem;
@@ -117,7 +118,7 @@ impl RunOverview {
     #[must_use]
     pub fn of(path: PathBuf) -> Self {
         let folder = RunFolder::new(&path);
-        let is_finished = folder.contents() == Contents::FinishedRun;
+        let is_finished = folder.summary_file().is_file();
         let results = if is_finished {
             finished_results(&folder)
         } else {
@@ -126,7 +127,9 @@ impl RunOverview {
         let state = match &results {
             Err(_) => RunState::Unreadable,
             Ok(_) if is_finished => RunState::Finished,
-            Ok(_) if folder.scenario_file().is_file() => RunState::Unfinished,
+            Ok(_) if folder.scenario_file().is_file() || folder.has_state_files() => {
+                RunState::Unfinished
+            }
             Ok(_) => RunState::RecordingOnly,
         };
         let written = last_result_time(&folder);
@@ -156,6 +159,9 @@ fn finished_results(folder: &RunFolder) -> Result<Results, String> {
 
 /// Results of a run that has no summary yet, from its tables.
 fn unfinished_results(folder: &RunFolder) -> Result<Results, String> {
+    if folder.has_state_files() {
+        return state_file_results(folder);
+    }
     let name = folder.path().parent().map(|path| file_stem(path, ""));
     let mut results = Results {
         scenario: name.filter(|name| !name.is_empty()),
@@ -178,6 +184,20 @@ fn unfinished_results(folder: &RunFolder) -> Result<Results, String> {
     Ok(results)
 }
 
+/// Results of a run that another program records.
+fn state_file_results(folder: &RunFolder) -> Result<Results, String> {
+    let files = StateFiles::open_folder(folder.path()).map_err(|error| error.to_string())?;
+    let mut results = Results {
+        scenario: Some(file_stem(folder.path(), "")),
+        environment: Some(files.environment().to_owned()),
+        agents: Some(u64::from(files.agent_count())),
+        ..Results::default()
+    };
+    add_episodes(&mut results, files.episode_rows(), files.agent_count());
+    results.effective_agents = None; // is not computed for a list
+    Ok(results)
+}
+
 fn add_episodes(results: &mut Results, rows: &[EpisodeRow], agents: u32) {
     let returns = team_returns(rows, agents as usize);
     results.episodes_per_agent = Some(returns.len() as u64);
@@ -189,9 +209,13 @@ fn add_episodes(results: &mut Results, rows: &[EpisodeRow], agents: u32) {
 /// When the summary was written or, without one, the table of episodes.
 fn last_result_time(folder: &RunFolder) -> Option<SystemTime> {
     let [episodes, _] = folder.table_files();
-    [folder.summary_file(), episodes, folder.recording_file()]
-        .iter()
-        .find_map(|path| fs::metadata(path).ok()?.modified().ok())
+    let modified = |path: &PathBuf| fs::metadata(path).ok()?.modified().ok();
+    let results = [folder.summary_file(), episodes, folder.recording_file()];
+    let result = results.iter().find_map(modified);
+    result.or_else(|| {
+        let state_files = StateFiles::paths_in(folder.path());
+        state_files.iter().filter_map(modified).max()
+    })
 }
 
 /// Seconds since the scenario was written at the beginning of the run.

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::trainer::Trainer;
 
-/// The results of a run in a few numbers.
+/// The results of a run in a few numbers. What is not known of a run that another program recorded
+/// is `None` or empty.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// The scenario's name.
@@ -12,7 +13,8 @@ pub struct Summary {
     /// The task's name.
     pub environment: String,
     /// The run seed.
-    pub seed: u64,
+    #[serde(default)]
+    pub seed: Option<u64>,
     /// Number of agents K.
     pub agents: usize,
     /// Number of rounds.
@@ -28,18 +30,24 @@ pub struct Summary {
     /// Mean return over agents and over the last [`FINAL_WINDOW`] episodes of each agent.
     pub final_return: f64,
     /// Share of the state space that each agent visited, 0 to 1: `[K]`.
+    #[serde(default)]
     pub coverage: Vec<f64>,
     /// Share of the state space that the team visited, 0 to 1.
-    pub team_coverage: f64,
+    #[serde(default)]
+    pub team_coverage: Option<f64>,
     /// Entropy of each agent's visits, nats: `[K]`.
+    #[serde(default)]
     pub visitation_entropy: Vec<f64>,
     /// `visitation_entropy` divided by its maximum, 0 to 1: `[K]`.
+    #[serde(default)]
     pub visitation_evenness: Vec<f64>,
     /// Overlap of the agents' visited states, 0 to 1.
-    pub team_overlap: f64,
+    #[serde(default)]
+    pub team_overlap: Option<f64>,
     /// Effective number of agents, 1 to K: the number of agents without overlap that would be as
     /// diverse as the team.
-    pub effective_agents: f64,
+    #[serde(default)]
+    pub effective_agents: Option<f64>,
 }
 
 /// The threshold at which a task counts as solved.
@@ -63,7 +71,7 @@ impl Summary {
         Self {
             scenario: scenario.to_owned(),
             environment: trainer.spec().name.clone(),
-            seed,
+            seed: Some(seed),
             agents: trainer.agent_count(),
             rounds: trainer.rounds(),
             episodes_per_agent: measures.episodes_per_agent(),
@@ -76,11 +84,11 @@ impl Summary {
                 .and_then(|threshold| measures.episodes_until(threshold)),
             final_return: measures.recent_return(FINAL_WINDOW).unwrap_or(0.0),
             coverage: measures.coverage().collect(),
-            team_coverage: visits.team_coverage,
+            team_coverage: Some(visits.team_coverage),
             visitation_entropy: visits.entropy,
             visitation_evenness: visits.evenness,
-            team_overlap: visits.diversity.overlap,
-            effective_agents: visits.diversity.effective_agents,
+            team_overlap: Some(visits.diversity.overlap),
+            effective_agents: Some(visits.diversity.effective_agents),
         }
     }
 }

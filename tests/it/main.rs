@@ -14,6 +14,7 @@ mod recording;
 mod registration;
 mod reliability;
 mod review;
+mod state_files;
 mod study;
 mod tabular;
 mod util;

@@ -185,7 +185,9 @@ fn inspect_explains_why_a_path_is_not_a_run() {
     );
     assert_eq!(
         run_refused(&["inspect", empty]),
-        format!("error: {empty} contains no run: expected episodes.csv or run.rrd in it\n")
+        format!(
+            "error: {empty} contains no run: expected episodes.csv, run.rrd or states/*.states in it\n"
+        )
     );
     let broken_table = folder.path().join("episodes.csv");
     std::fs::write(&broken_table, "agent,episode\n0,zero\n").unwrap();

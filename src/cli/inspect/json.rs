@@ -67,7 +67,7 @@ pub(super) fn text(inspected: &Inspected) -> String {
     let object = RunJson {
         name: run.name(),
         path: run.path.display().to_string(),
-        finished: run.summary.is_some(),
+        finished: run.is_finished,
         agent_count: inspected.agents.len(),
         episodes_per_agent: team_returns.len(),
         env_steps: inspected.env_steps(),

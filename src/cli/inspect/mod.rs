@@ -9,9 +9,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::CliError;
 use super::plot::parse_episodes;
 use super::progress::ReadCounter;
+use super::{CliError, open_run};
 use seedbed::record::{EpisodeRow, RoundRow};
 use seedbed::run::measures::visitation::Visitation;
 use seedbed::run::review::recording_stats::RecordingStats;
@@ -56,7 +56,7 @@ struct Inspected {
 }
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
-    let mut run = LoadedRun::open(&args.run)?;
+    let mut run = open_run(&args.run)?;
     let selection = EpisodeSelection {
         agents: args.agents.clone(),
         episodes: args.episodes.clone().unwrap_or(0..u32::MAX),

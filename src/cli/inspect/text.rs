@@ -9,6 +9,7 @@ use indicatif::HumanBytes;
 use super::super::pluralize;
 use super::super::sparkline::sparkline;
 use super::Inspected;
+use seedbed::record::state_files::StateFiles;
 use seedbed::run::measures::recent::RECENT_ROUNDS;
 use seedbed::run::review::final_mean;
 use seedbed::run::review::recording_stats::ValueDistribution;
@@ -89,10 +90,11 @@ impl TerminalSummary<'_> {
 
     fn outcome_line(&self) -> String {
         let Some(summary) = &self.inspected.run.summary else {
-            let state = if self.inspected.run.folder.is_some() {
-                "not finished: in progress or interrupted"
-            } else {
-                "recording only, without tables"
+            let run = &self.inspected.run;
+            let state = match (run.is_finished, &run.folder) {
+                (true, _) => "finished",
+                (false, Some(_)) => "not finished: in progress or interrupted",
+                (false, None) => "recording only, without tables",
             };
             return format!("{state}\n");
         };
@@ -307,7 +309,8 @@ impl TerminalSummary<'_> {
             let [episodes, rounds] = folder.table_files();
             let recording = folder.recording_file();
             let part = recording.with_added_extension("part");
-            [
+            let state_files = StateFiles::paths_in(folder.path());
+            let others = [
                 recording,
                 part,
                 episodes,
@@ -315,7 +318,8 @@ impl TerminalSummary<'_> {
                 folder.scenario_file(),
                 folder.summary_file(),
                 folder.policies_file(),
-            ]
+            ];
+            state_files.into_iter().take(MAX_AGENT_ROWS).chain(others)
         });
         let single_recording = run.folder.is_none().then(|| run.path.clone());
         let mut text = bold("files") + "\n";

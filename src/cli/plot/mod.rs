@@ -14,8 +14,8 @@ use clap::{Args, ValueEnum};
 use self::distributions::Distribution;
 use self::page::PlotPage;
 use super::progress::ReadCounter;
-use super::{CliError, pluralize};
-use seedbed::record::recording::Recording;
+use super::{CliError, open_run, pluralize};
+use seedbed::record::RecordedStates;
 use seedbed::record::visitation::Axes;
 use seedbed::run::files;
 use seedbed::run::folder::run_folder;
@@ -215,7 +215,7 @@ fn read_runs(args: &PlotArgs) -> Result<Vec<PlottedRun>, CliError> {
 }
 
 fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<PlottedRun, CliError> {
-    let mut loaded_run = LoadedRun::open(path)?;
+    let mut loaded_run = open_run(path)?;
     if loaded_run.folder.is_none() {
         // Without tables, the returns are taken from the recording.
         loaded_run
@@ -230,7 +230,7 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
             path.display()
         )));
     }
-    let axes = loaded_run.recording.as_ref().map(Recording::axes);
+    let axes = loaded_run.recording.as_ref().map(RecordedStates::axes);
     let states = match (&loaded_run.recording, &axes) {
         (Some(recording), Some(axes)) if args.shows_states() => {
             let selection = args.state_selection(recording, axes)?;
@@ -320,7 +320,7 @@ impl PlotArgs {
         Ok(axis_indices)
     }
 
-    fn conditions(&self, recording: &Recording) -> Result<Vec<Condition>, CliError> {
+    fn conditions(&self, recording: &RecordedStates) -> Result<Vec<Condition>, CliError> {
         let condition = |text: &String| {
             Condition::parse(text, recording)
                 .map_err(|message| CliError::Usage(format!("--where {text}: {message}")))
@@ -330,7 +330,7 @@ impl PlotArgs {
 
     fn state_selection(
         &self,
-        recording: &Recording,
+        recording: &RecordedStates,
         axes: &Axes,
     ) -> Result<StateSelection, CliError> {
         let axes = self.axis_indices(axes)?;

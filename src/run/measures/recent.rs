@@ -81,14 +81,16 @@ impl LatestVisits {
     }
 
     /// How different the agents' visits in the latest [`RECENT_ROUNDS`] rounds are. `none` has no
-    /// visits.
+    /// visits. If agents do not share their rounds, the latest rounds are those of each agent.
     #[must_use]
-    pub fn diversity(&self, none: &Visitation) -> Diversity {
+    pub fn diversity(&self, none: &Visitation, rounds_are_shared: bool) -> Diversity {
         let rounds = self.agents.iter().flatten().map(|(round, _)| *round);
         let last = rounds.max().unwrap_or(0);
         let mut visitation = vec![none.clone(); self.agents.len()];
         for (visitation, visits) in visitation.iter_mut().zip(&self.agents) {
-            let recent = visits.iter().filter(|(round, _)| is_recent(*round, last));
+            let recent = visits
+                .iter()
+                .filter(|(round, _)| !rounds_are_shared || is_recent(*round, last));
             recent.for_each(|(_, states)| visitation.add(states));
         }
         let entropies: Vec<f64> = visitation.iter().map(Visitation::entropy).collect();
@@ -169,11 +171,29 @@ mod tests {
                 by_agent.add(agent as usize, round, states_of(agent, round));
             }
         }
-        let found = by_agent.diversity(&Visitation::new(&spec(2)));
+        let found = by_agent.diversity(&Visitation::new(&spec(2)), true);
         assert!(found.effective_agents > 1.1 && found.effective_agents < 1.99);
         assert_eq!(
             found.effective_agents,
             by_round.diversity().effective_agents
         );
+    }
+
+    /// Agent 1 has played fewer episodes: it has no recent visits if rounds are shared, otherwise its
+    /// latest visits count.
+    #[test]
+    fn latest_visits_are_those_of_each_agent_if_rounds_are_not_shared() {
+        let mut visits = LatestVisits::default();
+        for (agent, rounds) in [(0, 30), (1, 12)] {
+            for round in 0..rounds {
+                visits.add(agent, round, states([10.0 * agent as f32; 2]));
+            }
+        }
+        let effective_agents = |rounds_are_shared| {
+            let none = Visitation::new(&spec(2));
+            visits.diversity(&none, rounds_are_shared).effective_agents
+        };
+        assert_eq!(effective_agents(true), 1.0);
+        assert!((effective_agents(false) - 2.0).abs() < 1e-12);
     }
 }

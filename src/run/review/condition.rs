@@ -2,8 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use crate::record::RecordedEpisode;
-use crate::record::recording::Recording;
+use crate::record::{RecordedEpisode, RecordedStates};
 
 /// A range of values of one quantity, such as `theta=-0.1..0.2`.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +39,7 @@ impl Condition {
     ///
     /// # Errors
     /// What is wrong and what was expected.
-    pub fn parse(text: &str, recording: &Recording) -> Result<Self, String> {
+    pub fn parse(text: &str, recording: &RecordedStates) -> Result<Self, String> {
         let form = "expected NAME=LOW..HIGH, such as theta=-0.1..0.2 or theta=0.1..";
         let (name, range) = text.split_once('=').ok_or(form)?;
         let (low, high) = range.split_once("..").ok_or(form)?;
@@ -76,7 +75,7 @@ impl Condition {
 }
 
 /// All quantities of a recording by name. A name of an observation comes before that of an action.
-fn quantities(recording: &Recording) -> Vec<(String, StateQuantity)> {
+fn quantities(recording: &RecordedStates) -> Vec<(String, StateQuantity)> {
     let observations = recording.observations().iter().enumerate();
     let observations =
         observations.map(|(index, quantity)| (&quantity.name, StateQuantity::Observation(index)));

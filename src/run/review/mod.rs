@@ -15,23 +15,25 @@ use std::path::{Path, PathBuf};
 use super::folder::{RunFolder, run_folder};
 use super::overview;
 use super::summary::{FINAL_WINDOW, Summary};
-use crate::record::ReadError;
-use crate::record::recording::Recording;
+use crate::record::state_files::StateFiles;
 use crate::record::table::{self, TableError};
-use crate::record::{EpisodeRow, RoundRow};
+use crate::record::{EpisodeRow, ReadError, RecordedStates, RoundRow};
 
 /// A run read back from disk.
 #[derive(Clone, Debug)]
 pub struct LoadedRun {
     /// Path that the user named: a run directory or a recording.
     pub path: PathBuf,
-    /// Run directory, if it contains tables.
+    /// Run directory, if it contains tables or files of visited states.
     pub folder: Option<RunFolder>,
+    /// Whether the run is finished.
+    pub is_finished: bool,
     /// Summary, if the run is finished.
     pub summary: Option<Summary>,
-    /// Recording, if there is one.
-    pub recording: Option<Recording>,
-    /// Rows of `episodes.csv` in (round, agent) order; empty if there is only a recording.
+    /// Visited states, if they are recorded.
+    pub recording: Option<RecordedStates>,
+    /// Rows of `episodes.csv` in (round, agent) order; empty if there is only a recording. Of files
+    /// of visited states, their episodes.
     pub episodes: Vec<EpisodeRow>,
     /// Rows of `rounds.csv` in the order of updates; empty if there is only a recording.
     pub rounds: Vec<RoundRow>,
@@ -41,7 +43,7 @@ pub struct LoadedRun {
 #[derive(Debug, thiserror::Error)]
 pub enum LoadRunError {
     /// The directory contains no run.
-    #[error("{0} contains no run: expected episodes.csv or run.rrd in it")]
+    #[error("{0} contains no run: expected episodes.csv, run.rrd or states/*.states in it")]
     NoRun(PathBuf),
     /// The subdirectories contain several runs.
     #[error(
@@ -78,12 +80,17 @@ impl LoadedRun {
             return Err(LoadRunError::Missing(path.to_owned()));
         }
         let folder = run_folder(path);
+        if !path.is_file() && folder.has_state_files() {
+            return Self::of_state_files(folder);
+        }
         let recording = if path.is_file() {
             Some(path.to_owned())
         } else {
             recording_in(&folder)
         };
-        let recording = recording.map(|path| Recording::open(&path)).transpose()?;
+        let recording = recording
+            .map(|path| RecordedStates::open(&path))
+            .transpose()?;
         let [episodes, rounds] = folder.table_files();
         if !episodes.is_file() && recording.is_none() {
             return Err(no_run(path));
@@ -92,13 +99,15 @@ impl LoadedRun {
         let summary = fs::read_to_string(folder.summary_file())
             .ok()
             .filter(|_| has_tables);
+        let summary: Option<Summary> = summary.and_then(|text| serde_json::from_str(&text).ok());
         Ok(Self {
             path: if path.is_file() {
                 path.to_owned()
             } else {
                 folder.path().to_owned()
             },
-            summary: summary.and_then(|text| serde_json::from_str(&text).ok()),
+            is_finished: summary.is_some(),
+            summary,
             recording,
             episodes: if has_tables {
                 table::read(&episodes)?
@@ -114,11 +123,46 @@ impl LoadedRun {
         })
     }
 
+    /// The run that other programs recorded in a directory. Its episodes are those in the files, so
+    /// that they agree with the states while the run is in progress and after a crash.
+    fn of_state_files(folder: RunFolder) -> Result<Self, LoadRunError> {
+        let files = StateFiles::open_folder(folder.path())?;
+        let summary = fs::read_to_string(folder.summary_file()).ok();
+        let [_, rounds] = folder.table_files();
+        Ok(Self {
+            path: folder.path().to_owned(),
+            is_finished: summary.is_some(),
+            summary: summary.and_then(|text| serde_json::from_str(&text).ok()),
+            episodes: files.episode_rows().to_vec(),
+            rounds: if rounds.is_file() {
+                table::read(&rounds)?
+            } else {
+                Vec::new()
+            },
+            recording: Some(RecordedStates::StateFiles(files)),
+            folder: Some(folder),
+        })
+    }
+
+    /// The files of visited states, if another program recorded the run.
+    #[must_use]
+    pub fn state_files(&self) -> Option<&StateFiles> {
+        self.recording.as_ref()?.state_files()
+    }
+
+    /// What is incomplete in the files, for people.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        let recording = self.recording.as_ref();
+        recording.map_or(&[], RecordedStates::warnings)
+    }
+
     /// Name of the run, e.g. `cartpole, run seed 0`.
     #[must_use]
     pub fn name(&self) -> String {
         if let Some(summary) = &self.summary {
-            return format!("{}, run seed {}", summary.scenario, summary.seed);
+            let seed = summary.seed.map(|seed| format!(", run seed {seed}"));
+            return format!("{}{}", summary.scenario, seed.unwrap_or_default());
         }
         let recorded_name = self
             .recording

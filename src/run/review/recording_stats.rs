@@ -3,9 +3,7 @@
 
 use super::LoadedRun;
 use super::selection::EpisodeSelection;
-use crate::record::EpisodeRow;
-use crate::record::recording::Recording;
-use crate::record::{ReadError, RecordedEpisode};
+use crate::record::{EpisodeRow, ReadError, RecordedEpisode, RecordedStates};
 use crate::run::measures::diversity::Diversity;
 use crate::run::measures::first_visits::FirstRounds;
 use crate::run::measures::recent::LatestVisits;
@@ -21,6 +19,8 @@ pub struct RecordingStats {
     pub visitation: Vec<Visitation>,
     first_rounds: FirstRounds,
     latest: LatestVisits,
+    /// Whether episodes of the same round were played at about the same time.
+    rounds_are_shared: bool,
     /// Distribution of each observation's values: `[observations]`.
     pub distributions: Vec<ValueDistribution>,
     /// Distribution of intrinsic rewards; `None` without a bonus.
@@ -55,7 +55,7 @@ impl RecordingStats {
     /// # Errors
     /// The file cannot be read.
     pub fn of(
-        recording: &Recording,
+        recording: &RecordedStates,
         selection: &EpisodeSelection,
         mut on_episode: impl FnMut(&RecordedEpisode),
     ) -> Result<Self, ReadError> {
@@ -70,6 +70,7 @@ impl RecordingStats {
             visitation: Vec::new(),
             first_rounds: FirstRounds::default(),
             latest: LatestVisits::default(),
+            rounds_are_shared: recording.state_files().is_none(),
             distributions: observations.iter().map(ValueDistribution::new).collect(),
             intrinsic_rewards: intrinsic_reward.as_ref().map(ValueDistribution::new),
         };
@@ -167,7 +168,8 @@ impl RecordingStats {
         self.first_rounds.coverage()
     }
 
-    /// Diversity of the whole team's visits in the latest rounds.
+    /// Diversity of the whole team's visits in the latest rounds. Agents that another program trained
+    /// need not have played as many episodes as the others: of each, the latest episodes count.
     #[must_use]
     pub fn recent_diversity(&self) -> Diversity {
         let quantities = self
@@ -175,7 +177,7 @@ impl RecordingStats {
             .iter()
             .map(|distribution| distribution.quantity.clone());
         let no_visits = Visitation::for_observations(&quantities.collect::<Vec<_>>());
-        self.latest.diversity(&no_visits)
+        self.latest.diversity(&no_visits, self.rounds_are_shared)
     }
 
     /// Diversity of the whole team's visits.

@@ -5,9 +5,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::condition::Condition;
-use crate::record::recording::Recording;
 use crate::record::visitation::{Axes, Density, VisitedState};
-use crate::record::{ReadError, RecordedEpisode};
+use crate::record::{ReadError, RecordedEpisode, RecordedStates};
 use seedbed_env::Status;
 
 /// Agents and episodes that are drawn, or whose statistics are computed.
@@ -127,7 +126,7 @@ impl StateSelection {
     /// The file cannot be read.
     pub fn select(
         &self,
-        recording: &Recording,
+        recording: &RecordedStates,
         mut on_episode: impl FnMut(&RecordedEpisode),
     ) -> Result<Vec<SelectedStates>, ReadError> {
         let axes = recording.axes();
@@ -158,7 +157,7 @@ impl StateSelection {
 
     fn for_each_selected_episode(
         &self,
-        recording: &Recording,
+        recording: &RecordedStates,
         mut action: impl FnMut(&RecordedEpisode),
     ) -> Result<(), ReadError> {
         for episode in recording.episodes()? {

@@ -239,7 +239,7 @@ fn coverage_text(summary: &Summary) -> String {
     format!(
         "{}{more} of the state space per agent; {} for the whole team",
         agents.join(", "),
-        percent(&summary.team_coverage)
+        percent(&summary.team_coverage.unwrap_or_default())
     )
 }
 

@@ -89,7 +89,7 @@ fn unknown_formats_are_refused() {
     let message = run_refused(&["export", run.to_str().unwrap(), "--to", "states.xlsx"]);
     assert_eq!(
         message,
-        "error: --to states.xlsx: expected a file that ends in .csv, .parquet or .npz\n"
+        "error: --to states.xlsx: expected a file that ends in .csv, .parquet, .npz or .rrd\n"
     );
     run_refused(&["export", run.to_str().unwrap()]);
 }

@@ -1,0 +1,700 @@
+"""Recording where agents go, in any Gymnasium environment.
+
+    >>> import gymnasium, seedbed
+    >>> environment = gymnasium.make("CartPole-v1")
+    >>> environment = seedbed.RecordVisitation(environment, "runs/cartpole", agent=0)  # doctest: +SKIP
+
+After `close`, `seedbed explore runs/cartpole` and all other commands of the program show the visited states.
+"""
+
+from __future__ import annotations
+
+import os
+import weakref
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, NoReturn, TypeAlias
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from .state_files import (
+    RUNNING,
+    TERMINATED,
+    TRUNCATED,
+    Axis,
+    Header,
+    RecordingError,
+    StateFile,
+    check_start,
+    merge_folder,
+)
+
+__all__ = ["RecordVisitation", "RecordVisitationVector", "RecordingError"]
+
+Range: TypeAlias = tuple[float | None, float | None]
+"""Ends of an axis. An end that is None is the smallest or largest value that was visited."""
+
+Ranges: TypeAlias = Sequence[Range | None] | Mapping[str, Range] | Literal["visited"] | None
+"""Ranges of the axes of observations: of all, of some by name, or "visited" for what was visited."""
+
+MAX_OBSERVATIONS = 1000
+"""Maximum number of observations: each is an axis, so that pictures cannot be recorded."""
+
+MAX_BOUND = 1e9
+"""A bound of a Box beyond this, such as the largest float32, counts as infinite."""
+
+RESERVED_NAMES = {"reward", "log_prob", "intrinsic_reward", "advantage", "outcome"}
+"""Names of other columns of a recording."""
+
+MAX_BUFFERED_STEPS = 4096
+MAX_BUFFERED_NUMBERS = 1 << 20
+"""Steps of unfinished episodes that wait in memory: at most so many, and at most 4 MB."""
+
+
+class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """Record which states an agent visits.
+
+    The wrapped environment behaves exactly as before. Each finished episode is appended to
+    `FOLDER/states/agent_K.states` when it ends, so that a process that is killed loses at most its last episode.
+    `close`, the end of the process or garbage collection writes `episodes.csv` and, when all agents of the folder
+    are closed, `summary.json`. Then `seedbed runs`, `inspect`, `plot`, `explore`, `export` and `film` show the run;
+    they also do while it is in progress.
+
+    Several agents, also in different processes, write to one folder: each needs an `agent` of its own. The file is
+    made by the first `reset`, in the process that steps the environment.
+
+    Args:
+        env: An environment whose observations are a Box, with at most 1000 numbers. All Dict, Tuple and Discrete
+            observations can be flattened with `gymnasium.wrappers.FlattenObservation` first.
+        folder: Folder of the run.
+        agent: Number of the agent, from 0.
+        names: Name of each observation; by default those of a seedbed task, or `obs_0`, `obs_1`, …
+        units: Unit of each observation, or of some by name, such as `{"x": "m"}`.
+        ranges: Ends of the axis of each observation, or of some by name, such as `{"x": (-1, 1)}`. By default those
+            of a seedbed task, or finite bounds of the Box; all other ends are the smallest and largest finite
+            value that any agent in the folder has visited. `"visited"` ignores bounds, which are often far from
+            what is visited. Values beyond an end are recorded as they are.
+        action_names: Name of each component of an action; by default those of a seedbed task, or `action`,
+            or `action_0`, `action_1`, …
+        environment: Name of the environment; by default its id.
+        overwrite: Replace the file of this agent, if there is one. Files of other agents stay.
+        resume: Continue the file of this agent, if there is one. An unfinished episode at its end is removed.
+        keep_unfinished: Record episodes that `reset` or `close` cuts off, as truncated. By default only finished
+            episodes are recorded, as Stable-Baselines3's `Monitor` does.
+
+    Raises:
+        TypeError: The observations or actions are no numbers. The message says what to wrap the environment with.
+        ValueError: Names, units or ranges are invalid, or differ from those of another agent in the folder.
+        FileExistsError: The agent was recorded before, or the folder contains another run.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Any, Any],
+        folder: str | os.PathLike[str],
+        agent: int = 0,
+        *,
+        names: Sequence[str] | None = None,
+        units: Sequence[str] | Mapping[str, str] | None = None,
+        ranges: Ranges = None,
+        action_names: Sequence[str] | None = None,
+        environment: str | None = None,
+        overwrite: bool = False,
+        resume: bool = False,
+        keep_unfinished: bool = False,
+    ) -> None:
+        super().__init__(env)
+        task = _task_of(env)
+        observations = observation_axes(env.observation_space, task, names, units, ranges)
+        actions = action_axes(env.action_space, task, action_names)
+        header = _header(agent, environment or _name_of(env, env.spec), observations, actions, env.spec, env.metadata)
+        recorders = _Recorders(Path(folder), [header], overwrite, resume)
+        is_flat = len(env.observation_space.shape or ()) == 1
+        self._recorder = _EpisodeRecorder(recorders, _numbers(env.action_space, task), is_flat, keep_unfinished)
+        self._finish = weakref.finalize(self, self._recorder.close)
+        self._autoresets = _has_wrapper(env, gymnasium.wrappers.Autoreset)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start a new episode; see `gymnasium.Env.reset`."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._recorder.start(observation)
+        return observation, info
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Step the environment, and record the step; see `gymnasium.Env.step`."""
+        result = self.env.step(action)
+        observation, reward, terminated, truncated, _ = result
+        recorder = self._recorder
+        if recorder.is_running:
+            recorder.add(action, reward, observation, terminated, truncated)
+        elif self._autoresets:
+            recorder.start(observation)
+        else:
+            recorder.warn_of_missing_reset()
+        return result
+
+    def close(self) -> None:
+        """Complete the files of the agent, and close the environment."""
+        try:
+            self._finish()
+        finally:
+            super().close()
+
+    def __getstate__(self) -> NoReturn:
+        raise TypeError(
+            "a RecordVisitation cannot be copied or sent to another process, because both would write to one file; "
+            "make it there instead, such as SubprocVecEnv([lambda: RecordVisitation(make_env(), folder, agent=k), …])"
+        )
+
+
+class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
+    """Record which states the agents of a vector environment visit.
+
+    Each copy of the environment is an agent; see `RecordVisitation`, whose arguments have the same meaning here.
+    Steps that only reset a copy (`AutoresetMode.NEXT_STEP`) are not recorded, because they are no transitions.
+
+    Args:
+        env: A vector environment whose observations are a Box, in any autoreset mode.
+        folder: Folder of the run.
+        agents: Number of the agent of each copy; by default 0, 1, …
+        autoreset_mode: Autoreset mode, if `env.metadata` does not have it.
+
+    Raises:
+        TypeError, ValueError, FileExistsError: As for `RecordVisitation`.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.vector.VectorEnv[Any, Any, Any],
+        folder: str | os.PathLike[str],
+        agents: Sequence[int] | None = None,
+        *,
+        names: Sequence[str] | None = None,
+        units: Sequence[str] | Mapping[str, str] | None = None,
+        ranges: Ranges = None,
+        action_names: Sequence[str] | None = None,
+        environment: str | None = None,
+        autoreset_mode: str | AutoresetMode | None = None,
+        overwrite: bool = False,
+        resume: bool = False,
+        keep_unfinished: bool = False,
+    ) -> None:
+        super().__init__(env)
+        mode = autoreset_mode or env.metadata.get("autoreset_mode")
+        if mode is None:
+            raise ValueError("env.metadata has no autoreset_mode; give it, such as autoreset_mode='NextStep'")
+        numbers = list(range(env.num_envs)) if agents is None else [int(agent) for agent in agents]
+        if len(numbers) != env.num_envs or len(set(numbers)) != len(numbers):
+            raise ValueError(f"agents is {numbers}, expected {env.num_envs} different numbers: one per copy")
+        task = _task_of(env)
+        observations = observation_axes(env.single_observation_space, task, names, units, ranges)
+        actions = action_axes(env.single_action_space, task, action_names)
+        spec = _spec_of(env)
+        headers = [
+            _header(agent, environment or _name_of(env, spec), observations, actions, spec, env.metadata) for agent in numbers
+        ]
+        recorders = _Recorders(Path(folder), headers, overwrite, resume)
+        convert = _batch_numbers(env.single_action_space, task)
+        self._recorder = _BatchRecorder(recorders, AutoresetMode(mode), convert, keep_unfinished)
+        self._finish = weakref.finalize(self, self._recorder.close)
+
+    def reset(
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start new episodes; see `gymnasium.vector.VectorEnv.reset`."""
+        # Gymnasium removes the mask from `options`.
+        mask = options.get("reset_mask") if options else None
+        observations, infos = self.env.reset(seed=seed, options=options)
+        self._recorder.start(observations, None if mask is None else np.array(mask))
+        return observations, infos
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Step all copies, and record the steps; see `gymnasium.vector.VectorEnv.step`."""
+        result = self.env.step(actions)
+        self._recorder.add(actions, *result)
+        return result
+
+    def close(self, **kwargs: Any) -> None:
+        """Complete the files of the agents, and close the environments."""
+        try:
+            self._finish()
+        finally:
+            super().close(**kwargs)
+
+    __getstate__ = RecordVisitation.__getstate__
+
+
+class _Recorders:
+    """The files of the agents that a wrapper records, which are made when the first episodes start."""
+
+    def __init__(self, folder: Path, headers: Sequence[Header], overwrite: bool, resume: bool) -> None:
+        self.folder = folder
+        self.headers = headers
+        self._how = {"overwrite": overwrite, "resume": resume}
+        self._files: list[StateFile] | None = None
+        self.is_closed = False
+        for header in headers:
+            check_start(folder, header, **self._how)
+
+    @property
+    def files(self) -> list[StateFile]:
+        if self.is_closed:
+            raise RecordingError(f"the recorder of {self.folder} is closed")
+        if self._files is None:
+            self._files = [StateFile(self.folder, header, **self._how) for header in self.headers]
+        return self._files
+
+    def was_opened_here(self) -> bool:
+        """Whether there are files, and they are not those of the process from which this one was forked."""
+        return not self.is_closed and self._files is not None and self._files[0].was_made_here()
+
+    def close(self) -> None:
+        if self.was_opened_here():
+            for file in self.files:
+                file.close()
+            merge_folder(self.folder)
+        self.is_closed = True
+
+
+def _buffered_steps(headers: Sequence[Header]) -> int:
+    numbers = len(headers[0].observations) + len(headers[0].actions) + 1
+    return max(16, min(MAX_BUFFERED_STEPS, MAX_BUFFERED_NUMBERS // (numbers * len(headers))))
+
+
+class _EpisodeRecorder:
+    """Collects the steps of one agent, and writes them when the episode ends or the memory is full."""
+
+    def __init__(
+        self, recorders: _Recorders, numbers: Callable[[Any], Any] | None, is_flat: bool, keep_unfinished: bool
+    ) -> None:
+        self._recorders = recorders
+        self._numbers = numbers
+        self._is_flat = is_flat
+        self._keep_unfinished = keep_unfinished
+        header = recorders.headers[0]
+        self._capacity = _buffered_steps(recorders.headers)
+        self._observations = np.zeros((self._capacity + 1, len(header.observations)), np.float32)
+        self._actions = np.zeros((self._capacity, len(header.actions)), np.float32)
+        self._rewards = np.zeros(self._capacity, np.float32)
+        self._flat = (len(header.observations),)
+        self.is_running = False
+        self._steps = 0
+        self._first_step = 0
+        self._total_reward = 0.0
+        self._has_warned = False
+
+    def start(self, observation: Any) -> None:
+        self._end_unfinished()
+        _ = self._recorders.files
+        self._observations[0] = np.reshape(observation, self._flat)
+        self._steps = self._first_step = 0
+        self._total_reward = 0.0
+        self.is_running = True
+
+    def add(self, action: Any, reward: Any, observation: Any, terminated: Any, truncated: Any) -> None:
+        step = self._steps
+        self._actions[step] = action if self._numbers is None else self._numbers(action)
+        reward = float(reward)
+        self._rewards[step] = reward
+        self._total_reward += reward
+        step += 1
+        self._observations[step] = observation if self._is_flat else np.reshape(observation, self._flat)
+        self._steps = step
+        if terminated or truncated:
+            self._end(TERMINATED if terminated else TRUNCATED)
+        elif step == self._capacity:
+            self._write(RUNNING)
+            self._observations[0] = self._observations[step]
+            self._first_step += step
+            self._steps = 0
+
+    def warn_of_missing_reset(self) -> None:
+        if not self._has_warned:
+            gymnasium.logger.warn("steps after the end of an episode, without a reset, are not recorded")
+            self._has_warned = True
+
+    def close(self) -> None:
+        if self._recorders.was_opened_here():
+            self._end_unfinished()
+        self._recorders.close()
+
+    def _end_unfinished(self) -> None:
+        if self._keep_unfinished and self.is_running and self._first_step + self._steps > 0:
+            self._end(TRUNCATED)
+        self.is_running = False
+
+    def _end(self, outcome: int) -> None:
+        self._write(outcome)
+        self.is_running = False
+
+    def _write(self, outcome: int) -> None:
+        steps = self._steps
+        states = steps + (outcome != RUNNING)
+        self._recorders.files[0].append_steps(
+            self._first_step,
+            self._observations[:states],
+            self._actions[:steps],
+            self._rewards[:steps],
+            outcome,
+            self._total_reward,
+        )
+
+
+class _BatchRecorder:
+    """Collects the steps of all copies of a vector environment.
+
+    Row t of the memory has the observations before step t of all copies, so that a step needs three assignments for
+    any number of copies. The rows of an episode are written when it ends or the memory is full.
+    """
+
+    def __init__(
+        self,
+        recorders: _Recorders,
+        mode: AutoresetMode,
+        numbers: Callable[[Any], NDArray[Any]],
+        keep_unfinished: bool,
+    ) -> None:
+        self._recorders = recorders
+        self._mode = mode
+        self._numbers = numbers
+        self._keep_unfinished = keep_unfinished
+        header, copies = recorders.headers[0], len(recorders.headers)
+        self._capacity = _buffered_steps(recorders.headers)
+        self._observations = np.zeros((self._capacity + 1, copies, len(header.observations)), np.float32)
+        self._actions = np.zeros((self._capacity, copies, len(header.actions)), np.float32)
+        self._rewards = np.zeros((self._capacity, copies), np.float64)
+        self._row = 0
+        self._is_running = np.zeros(copies, np.bool_)
+        self._first_row = np.zeros(copies, np.int64)
+        """Row of the first state of each running episode, or of its first state that is not written."""
+        self._first_step = np.zeros(copies, np.int64)
+        """Number of steps of each running episode that are written."""
+        self._total_reward = np.zeros(copies, np.float64)
+        self._will_reset = np.zeros(copies, np.bool_)
+        """Copies that the next step only resets."""
+
+    def start(self, observations: Any, mask: NDArray[np.bool_] | None) -> None:
+        copies = np.flatnonzero(np.ones(len(self._is_running)) if mask is None else mask).tolist()
+        for copy in copies:
+            self._end_unfinished(copy)
+        _ = self._recorders.files
+        if mask is None:
+            self._row = 0
+        self._observations[self._row, copies] = self._flat(observations)[copies]
+        self._begin(copies)
+
+    def add(self, actions: Any, observations: Any, rewards: Any, terminated: Any, truncated: Any, infos: dict[str, Any]) -> None:
+        row = self._row
+        self._actions[row] = self._numbers(actions)
+        self._rewards[row] = rewards
+        self._row = row = row + 1
+        self._observations[row] = self._flat(observations)
+        if self._will_reset.any():
+            self._begin(np.flatnonzero(self._will_reset).tolist())
+            ended = (terminated | truncated) & self._is_running & (self._first_row < row)
+        else:
+            ended = (terminated | truncated) & self._is_running
+        if ended.any():
+            for copy in np.flatnonzero(ended).tolist():
+                self._end(copy, TERMINATED if terminated[copy] else TRUNCATED, self._last_observation(copy, infos))
+            if self._mode == AutoresetMode.NEXT_STEP:
+                self._will_reset |= ended
+            elif self._mode == AutoresetMode.SAME_STEP:
+                self._begin(np.flatnonzero(ended).tolist())
+        if row == self._capacity:
+            self._empty()
+
+    def close(self) -> None:
+        if self._recorders.was_opened_here():
+            for copy in range(len(self._is_running)):
+                self._end_unfinished(copy)
+        self._recorders.close()
+
+    def _flat(self, observations: Any) -> NDArray[Any]:
+        return np.reshape(observations, self._observations.shape[1:])
+
+    def _begin(self, copies: list[int]) -> None:
+        """Begin episodes with the observations in the current row."""
+        self._is_running[copies] = True
+        self._will_reset[copies] = False
+        self._first_row[copies] = self._row
+        self._first_step[copies] = 0
+        self._total_reward[copies] = 0.0
+
+    def _last_observation(self, copy: int, infos: dict[str, Any]) -> Any:
+        """The observation at the end of an episode, `[observations]`."""
+        if self._mode != AutoresetMode.SAME_STEP:
+            return self._observations[self._row, copy]
+        if "final_obs" not in infos:
+            raise RecordingError("infos has no final_obs, the last observation of an episode that ended (SAME_STEP)")
+        return np.asarray(infos["final_obs"][copy], np.float32).reshape(-1)
+
+    def _end_unfinished(self, copy: int) -> None:
+        steps = self._first_step[copy] + self._row - self._first_row[copy]
+        if self._keep_unfinished and self._is_running[copy] and steps > 0:
+            self._end(copy, TRUNCATED, self._observations[self._row, copy])
+        self._is_running[copy] = False
+
+    def _end(self, copy: int, outcome: int, last_observation: NDArray[Any]) -> None:
+        rows = slice(self._first_row[copy], self._row)
+        states = np.concatenate([self._observations[rows, copy], last_observation[None]])
+        self._write(copy, states, rows, outcome)
+        self._is_running[copy] = False
+
+    def _write(self, copy: int, states: NDArray[np.float32], rows: slice, outcome: int) -> None:
+        rewards = self._rewards[rows, copy]
+        # One after the other, so that the sum does not depend on when the memory was full.
+        total_reward = np.add.accumulate(np.append(self._total_reward[copy], rewards))[-1]
+        first_step = int(self._first_step[copy])
+        self._recorders.files[copy].append_steps(
+            first_step, states, self._actions[rows, copy], rewards, outcome, float(total_reward)
+        )
+        self._total_reward[copy] = total_reward
+
+    def _empty(self) -> None:
+        """Write the steps of all running episodes, and continue in the first row."""
+        for copy in np.flatnonzero(self._is_running).tolist():
+            rows = slice(self._first_row[copy], self._row)
+            if rows.start < rows.stop:
+                self._write(copy, self._observations[rows, copy], rows, RUNNING)
+                self._first_step[copy] += rows.stop - rows.start
+        self._observations[0] = self._observations[self._row]
+        self._first_row[:] = 0
+        self._row = 0
+
+
+def observation_axes(
+    space: spaces.Space[Any],
+    task: Any,
+    names: Sequence[str] | None,
+    units: Sequence[str] | Mapping[str, str] | None,
+    ranges: Ranges,
+) -> tuple[Axis, ...]:
+    """The axes of the observations in a space, with what is given in place of what is known."""
+    if not isinstance(space, spaces.Box):
+        raise TypeError(
+            f"the observation space is {space}, expected a Box: wrap the environment with "
+            "gymnasium.wrappers.FlattenObservation (of a vector environment: gymnasium.wrappers.vector.FlattenObservation) first"
+        )
+    count = int(np.prod(space.shape))
+    if not 0 < count <= MAX_OBSERVATIONS:
+        raise TypeError(
+            f"observations have the shape {space.shape}, expected 1 to {MAX_OBSERVATIONS} numbers: record features instead, "
+            "such as with gymnasium.wrappers.TransformObservation"
+        )
+    axes = _task_axes(task.observations) if task is not None else _box_axes(space, "obs", always_numbered=True)
+    if names is not None:
+        if isinstance(names, str) or len(names) != count:
+            raise ValueError(f"names is {names!r}, expected {count} names: one per observation")
+        axes = tuple(Axis(name, axis.unit, axis.low, axis.high) for name, axis in zip(names, axes, strict=True))
+    _check_names(axes, "names")
+    given_units = _by_axis(axes, units, "units")
+    if isinstance(ranges, str) and ranges == "visited":
+        ranges = [(None, None)] * count
+    given_ranges = [None if ends is None else _checked_range(ends) for ends in _by_axis(axes, ranges, "ranges")]
+    return tuple(
+        Axis(axis.name, axis.unit if unit is None else unit, *((axis.low, axis.high) if ends is None else ends))
+        for axis, unit, ends in zip(axes, given_units, given_ranges, strict=True)
+    )
+
+
+def action_axes(space: spaces.Space[Any], task: Any, names: Sequence[str] | None) -> tuple[Axis, ...]:
+    """The axes of the components of an action."""
+    axes = _task_axes(task.actions) if task is not None else _components(space, "action")
+    if names is not None:
+        if isinstance(names, str) or len(names) != len(axes):
+            raise ValueError(f"action_names is {names!r}, expected {len(axes)} names: one per component of an action")
+        axes = tuple(Axis(name, axis.unit, axis.low, axis.high) for name, axis in zip(names, axes, strict=True))
+    _check_names(axes, "action_names")
+    return axes
+
+
+def _components(space: spaces.Space[Any], name: str) -> tuple[Axis, ...]:
+    match space:
+        case spaces.Discrete():
+            return (Axis(name, "", float(space.start), float(space.start + space.n - 1)),)
+        case spaces.Box():
+            return _box_axes(space, name, always_numbered=False)
+        case spaces.MultiDiscrete() | spaces.MultiBinary():
+            shape = space.shape
+            highs = np.ones(shape) if isinstance(space, spaces.MultiBinary) else space.nvec + space.start - 1
+            lows = np.zeros(shape) if isinstance(space, spaces.MultiBinary) else space.start
+            return _numbered(name, shape, np.asarray(lows), np.asarray(highs), always_numbered=True)
+        case spaces.Dict():
+            return tuple(axis for key, part in space.spaces.items() for axis in _components(part, str(key)))
+    raise TypeError(
+        f"the action space is {space}, expected Discrete, Box, MultiDiscrete, MultiBinary or a Dict of them: "
+        "wrap the environment with gymnasium.wrappers.TransformAction first"
+    )
+
+
+def _box_axes(space: spaces.Box, name: str, *, always_numbered: bool) -> tuple[Axis, ...]:
+    return _numbered(name, space.shape, space.low, space.high, always_numbered=always_numbered)
+
+
+def _numbered(
+    name: str, shape: tuple[int, ...], lows: NDArray[Any], highs: NDArray[Any], *, always_numbered: bool
+) -> tuple[Axis, ...]:
+    """One axis per number of an array."""
+    indices = list(np.ndindex(shape))
+    is_numbered = always_numbered or len(indices) > 1
+    axes = []
+    for index in indices:
+        suffix = "".join(f"_{part}" for part in index) if is_numbered else ""
+        low, high = (float(end[index]) for end in (lows, highs))
+        axes.append(Axis(name + suffix, "", _finite(low), _finite(high)))
+    return tuple(axes)
+
+
+def _finite(bound: float) -> float | None:
+    return bound if abs(bound) <= MAX_BOUND else None
+
+
+def _task_axes(quantities: Any) -> tuple[Axis, ...]:
+    """Axes of the observations or actions of a seedbed task."""
+    return tuple(Axis(quantity.name, quantity.unit, *map(float, quantity.range)) for quantity in quantities)
+
+
+def _check_names(axes: tuple[Axis, ...], argument: str) -> None:
+    seen: set[str] = set()
+    for name in (axis.name for axis in axes):
+        if not isinstance(name, str) or not name or name != name.strip() or any(sign in name for sign in "=,\n"):
+            raise ValueError(f"{argument} contains {name!r}, expected a text without '=', ',' and spaces around it")
+        if name in RESERVED_NAMES:
+            raise ValueError(f"{argument} contains {name!r}, which is the name of another column")
+        if name in seen:
+            raise ValueError(f"{argument} contains {name!r} twice")
+        seen.add(name)
+
+
+def _by_axis(axes: tuple[Axis, ...], given: Sequence[Any] | Mapping[str, Any] | None, argument: str) -> list[Any]:
+    """What is given for each axis; None for all others."""
+    names = [axis.name for axis in axes]
+    if given is None:
+        return [None] * len(names)
+    if isinstance(given, Mapping):
+        unknown = sorted(set(given) - set(names))
+        if unknown:
+            raise ValueError(f"{argument} names {unknown[0]!r}, expected names of observations: {', '.join(names)}")
+        return [given.get(name) for name in names]
+    if isinstance(given, str) or len(given) != len(names):
+        raise ValueError(f"{argument} is {given!r}, expected {len(names)} entries: one per observation")
+    return list(given)
+
+
+def _checked_range(ends: Range) -> Range:
+    try:
+        low, high = (None if end is None else float(end) for end in ends)
+    except (TypeError, ValueError):
+        raise ValueError(f"ranges contains {ends!r}, expected (low, high)") from None
+    finite = [end for end in (low, high) if end is not None]
+    if not all(np.isfinite(np.float32(end)) for end in finite) or (len(finite) == 2 and not finite[0] < finite[1]):
+        raise ValueError(f"ranges contains {ends!r}, expected finite numbers (low, high) with low < high, or None")
+    return low, high
+
+
+def _numbers(space: spaces.Space[Any], task: Any) -> Callable[[Any], Any] | None:
+    """Function from an action to its components; None if NumPy assigns them as they are."""
+    if task is not None:
+        values = [None if action.values is None else np.array(action.values, np.float32) for action in task.actions]
+        if isinstance(space, spaces.Dict):
+            names = [action.name for action in task.actions]
+            return lambda action: [_value(action[name], one) for name, one in zip(names, values, strict=True)]
+        if values[0] is not None:
+            return lambda action: [_value(one, table) for one, table in zip(np.reshape(action, -1), values, strict=True)]
+        return None
+    if isinstance(space, spaces.Dict):
+        return lambda action: list(_numbers_of_dict(space, action))
+    return None if len(space.shape or ()) <= 1 else lambda action: np.reshape(action, -1)
+
+
+def _value(action: Any, values: NDArray[np.float32] | None) -> Any:
+    """The value that a discrete action chooses, or a continuous action itself."""
+    return np.reshape(action, ()) if values is None else values[int(action)]
+
+
+def _numbers_of_dict(space: spaces.Dict, action: Any) -> Iterator[Any]:
+    """The numbers of an action, in the order of `_components`."""
+    for key, part in space.spaces.items():
+        yield from _numbers_of_dict(part, action[key]) if isinstance(part, spaces.Dict) else np.ravel(action[key])
+
+
+def _batch_numbers(space: spaces.Space[Any], task: Any) -> Callable[[Any], NDArray[Any]]:
+    """Function from the actions of n copies to their components: `[n, components]`."""
+    if isinstance(space, spaces.Dict):
+        one = _numbers(space, task)
+        assert one is not None
+
+        def of_dict(actions: Any) -> NDArray[Any]:
+            copies = len(next(iter(actions.values())))
+            return np.array([one({key: part[copy] for key, part in actions.items()}) for copy in range(copies)])
+
+        return of_dict
+    if task is not None and task.actions[0].values is not None:
+        tables = [np.array(action.values, np.float32) for action in task.actions]
+
+        def of_indices(actions: Any) -> NDArray[Any]:
+            indices = np.reshape(np.asarray(actions), (-1, len(tables)))
+            return np.stack([table[indices[:, number]] for number, table in enumerate(tables)], axis=1)
+
+        return of_indices
+    return lambda actions: np.reshape(actions, (len(actions), -1))
+
+
+def _header(
+    agent: int,
+    environment: str,
+    observations: tuple[Axis, ...],
+    actions: tuple[Axis, ...],
+    spec: Any,
+    metadata: Mapping[str, Any],
+) -> Header:
+    if isinstance(agent, bool) or not 0 <= int(agent) < 1 << 16:
+        raise ValueError(f"agent is {agent!r}, expected a number from 0 to 65535")
+    frames_per_second = metadata.get("render_fps")
+    return Header(
+        agent=int(agent),
+        environment=environment,
+        observations=observations,
+        actions=actions,
+        time_limit=getattr(spec, "max_episode_steps", None),
+        step_seconds=1 / frames_per_second if frames_per_second else None,
+    )
+
+
+def _name_of(env: Any, spec: Any) -> str:
+    copies = getattr(env.unwrapped, "envs", None)
+    return str(spec.id) if spec is not None else type((copies[0] if copies else env).unwrapped).__name__
+
+
+def _spec_of(env: Any) -> Any:
+    """The specification of a vector environment or, if it has none, of its first copy."""
+    copies = getattr(env.unwrapped, "envs", None)
+    return env.spec if env.spec is not None or not copies else copies[0].spec
+
+
+def _task_of(env: Any) -> Any:
+    """The seedbed task of an environment, if no wrapper changes its observations."""
+    layers = [env]
+    while layers[-1] is not env.unwrapped:
+        layers.append(layers[-1].env)
+    task = getattr(layers[-1], "task", None)
+    if not all(hasattr(task, name) for name in ("observations", "actions", "time_limit")):
+        return None
+    is_changed = any(
+        layer.observation_space is not layers[-1].observation_space or layer.action_space is not layers[-1].action_space
+        for layer in layers
+    )
+    return None if is_changed else task
+
+
+def _has_wrapper(env: Any, kind: type) -> bool:
+    while env is not env.unwrapped:
+        if isinstance(env, kind):
+            return True
+        env = env.env
+    return False

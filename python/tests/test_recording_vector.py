@@ -1,0 +1,186 @@
+"""RecordVisitationVector in all autoreset modes, against recorders of single environments."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from test_recording_writer import Counter, episodes_of, play, state_file
+
+from seedbed.recording import RecordVisitation, RecordVisitationVector
+
+MODES = list(AutoresetMode)
+
+
+class Walk(gymnasium.Env):
+    """A random walk whose episodes end after a random number of steps, by termination or truncation."""
+
+    observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (2,))
+    action_space = gymnasium.spaces.Box(-1, 1, (1,))
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.state = self.np_random.normal(size=2).astype(np.float32)
+        return self.state.copy(), {}
+
+    def step(self, action):
+        self.state = self.state + np.float32(action[0]) + self.np_random.normal(size=2).astype(np.float32)
+        end = self.np_random.integers(12)
+        return self.state.copy(), float(self.state[0]), end == 0, end == 1, {}
+
+
+def expected_episodes(seed: int, actions: list[np.ndarray], mode: AutoresetMode) -> list[dict]:
+    """What a copy of Walk does if action t is actions[t], with what each mode does at the end of an episode."""
+    environment = Walk()
+    found, states, taken, rewards = [], [environment.reset(seed=seed)[0]], [], []
+    must_reset = False
+    for action in actions:
+        if must_reset:
+            states, taken, rewards = [environment.reset()[0]], [], []
+            must_reset = False
+            if mode == AutoresetMode.NEXT_STEP:
+                continue
+        state, reward, terminated, truncated, _ = environment.step(action)
+        states.append(state), taken.append(action), rewards.append(reward)
+        if terminated or truncated:
+            outcome = 1 if terminated else 2
+            found.append({"outcome": outcome, "states": np.array(states), "actions": np.array(taken), "rewards": np.float32(rewards)})
+            must_reset = True
+    return found
+
+
+def step_all(environments: gymnasium.vector.VectorEnv, actions: np.ndarray, mode: AutoresetMode) -> None:
+    environments.reset(seed=5)
+    ended = np.zeros(environments.num_envs, bool)
+    for row in actions:
+        if mode == AutoresetMode.DISABLED and ended.any():
+            environments.reset(options={"reset_mask": ended})
+        _, _, terminated, truncated, _ = environments.step(row)
+        ended = terminated | truncated
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("make", [SyncVectorEnv, partial(AsyncVectorEnv, context="fork")])
+def test_episodes_are_those_of_the_copies(tmp_path, mode, make, monkeypatch):
+    # Few rows, so that most episodes are written in several parts.
+    monkeypatch.setattr("seedbed.recording.MAX_BUFFERED_NUMBERS", 0)
+    copies = 3
+    environments = RecordVisitationVector(make([Walk] * copies, autoreset_mode=mode), tmp_path, agents=[4, 0, 2])
+    actions = np.random.default_rng(1).uniform(-1, 1, (200, copies, 1)).astype(np.float32)
+    step_all(environments, actions, mode)
+    environments.close()
+    for copy, agent in enumerate([4, 0, 2]):
+        expected = expected_episodes(5 + copy, list(actions[:, copy]), mode)
+        found = episodes_of(state_file(tmp_path, agent), 2, 1)
+        assert len(found) == len(expected) > 10
+        for one, other in zip(found, expected, strict=True):
+            assert one["outcome"] == other["outcome"]
+            for name in ("states", "actions", "rewards"):
+                assert np.array_equal(one[name], other[name]), (name, mode)
+            assert one["return"] == pytest.approx(float(other["rewards"].astype(np.float64).sum()), rel=1e-6)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_results_are_passed_on_unchanged(tmp_path, mode):
+    actions = np.random.default_rng(1).uniform(-1, 1, (50, 2, 1)).astype(np.float32)
+    bare = SyncVectorEnv([Walk] * 2, autoreset_mode=mode)
+    recorded = RecordVisitationVector(SyncVectorEnv([Walk] * 2, autoreset_mode=mode), tmp_path)
+    bare.reset(seed=3), recorded.reset(seed=3)
+    for row in actions:
+        one, other = bare.step(row), recorded.step(row)
+        assert all(np.array_equal(*pair) for pair in zip(one[:4], other[:4], strict=True)) and one[4].keys() == other[4].keys()
+        ended = one[2] | one[3]
+        if mode == AutoresetMode.DISABLED and ended.any():
+            for environments in (bare, recorded):
+                environments.reset(options={"reset_mask": ended.copy()})
+    recorded.close()
+
+
+def test_a_native_vector_environment(tmp_path):
+    environments = gymnasium.make_vec("CartPole-v1", num_envs=5, vectorization_mode="vector_entry_point")
+    environments = RecordVisitationVector(environments, tmp_path)
+    environments.reset(seed=0)
+    rewards = 0.0
+    for _ in range(300):
+        _, reward, terminated, truncated, _ = environments.step(np.ones(5, np.int64))
+        rewards += reward.sum()
+    environments.close()
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["environment"] == "CartPole-v1" and summary["agents"] == 5
+    finished = [episode for agent in range(5) for episode in episodes_of(state_file(tmp_path, agent), 4, 1)]
+    assert len(finished) > 100 and all(episode["return"] == len(episode["rewards"]) for episode in finished)
+    # The first states of episodes are near 0, the last ones are not: no reset is recorded as a transition.
+    assert all(np.abs(episode["states"][0]).max() <= 0.05 for episode in finished)
+    assert all(np.abs(np.diff(episode["states"][:, 0])).max() < 0.1 for episode in finished)
+
+
+def test_kept_unfinished_episodes(tmp_path):
+    environments = SyncVectorEnv([partial(Counter, 3), partial(Counter, 5)], autoreset_mode=AutoresetMode.DISABLED)
+    environments = RecordVisitationVector(environments, tmp_path, keep_unfinished=True)
+    environments.reset()
+    for _ in range(3):
+        environments.step(np.zeros(2, np.int64))
+    environments.reset(options={"reset_mask": np.array([True, False])})
+    environments.step(np.zeros(2, np.int64))
+    environments.close()
+    lengths = [[(len(found["rewards"]), found["outcome"]) for found in episodes_of(state_file(tmp_path, agent), 2, 1)] for agent in (0, 1)]
+    assert lengths == [[(3, 1), (1, 2)], [(4, 2)]]
+
+
+def test_invalid_vector_environments_are_refused(tmp_path):
+    environments = SyncVectorEnv([Counter] * 2)
+    with pytest.raises(ValueError, match="expected 2 different numbers"):
+        RecordVisitationVector(environments, tmp_path, agents=[1, 1])
+    environments.metadata = {}
+    with pytest.raises(ValueError, match="no autoreset_mode"):
+        RecordVisitationVector(environments, tmp_path)
+    RecordVisitationVector(environments, tmp_path, autoreset_mode="NextStep")
+    discrete = SyncVectorEnv([partial(Counter, 3, gymnasium.spaces.Discrete(3))])
+    with pytest.raises(TypeError, match="FlattenObservation"):
+        RecordVisitationVector(discrete, tmp_path)
+
+
+def test_single_recorders_inside_processes_of_a_vector_environment(tmp_path):
+    """AsyncVectorEnv makes the first environment twice, of which one is only asked for its spaces."""
+    makers = [partial(_recorded, tmp_path, agent) for agent in range(3)]
+    environments = AsyncVectorEnv(makers)
+    environments.reset(seed=0)
+    for _ in range(20):
+        environments.step(np.zeros(3, np.int64))
+    environments.close()
+    assert [len(episodes_of(state_file(tmp_path, agent), 2, 1)) for agent in range(3)] == [5] * 3
+    assert json.loads((tmp_path / "summary.json").read_text())["agents"] == 3
+
+
+def _recorded(folder, agent):
+    return RecordVisitation(Counter(3), folder, agent=agent)
+
+
+def test_many_agents_need_no_more_open_files(tmp_path):
+    resource = pytest.importorskip("resource")
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (64, limits[1]))
+    try:
+        environments = RecordVisitationVector(SyncVectorEnv([partial(Counter, 3)] * 200), tmp_path)
+        environments.reset()
+        for _ in range(8):
+            environments.step(np.zeros(200, np.int64))
+        environments.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    assert json.loads((tmp_path / "summary.json").read_text())["env_steps"] == 200 * 2 * 3
+
+
+def test_play_helper_is_recorded_like_a_vector_of_one(tmp_path):
+    with RecordVisitation(Counter(4), tmp_path / "single") as environment:
+        play(environment, 3)
+    environments = RecordVisitationVector(SyncVectorEnv([partial(Counter, 4)], autoreset_mode="SameStep"), tmp_path / "vector")
+    environments.reset()
+    for _ in range(12):
+        environments.step(np.ones(1, np.int64))
+    environments.close()
+    assert state_file(tmp_path / "single").read_bytes() == state_file(tmp_path / "vector").read_bytes()

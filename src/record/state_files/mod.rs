@@ -1,0 +1,366 @@
+//! Files of visited states that other programs write: one file per agent, `states/agent_K.states`,
+//! to which finished episodes are appended. The Python package `seedbed` writes them for any
+//! Gymnasium environment. `docs/recording.md` describes the format.
+//!
+//! All checksums are verified when the files are opened, so that a damaged file never yields a
+//! number. An incomplete frame at the end of a file, as a process leaves it that is killed or in
+//! progress, is a warning. Memory contains one episode per agent, and one row per episode.
+
+mod episodes;
+mod frames;
+mod header;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use self::episodes::{AgentEpisodes, FinishedEpisode};
+use self::header::{Header, HeaderAxis};
+use super::visitation::Axes;
+use super::{BonusRange, EpisodeRow, ReadError, RecordedEpisode};
+use seedbed_env::Quantity;
+
+/// Extension of a file of visited states.
+const EXTENSION: &str = "states";
+
+/// Folder of these files in the folder of a run.
+const FOLDER: &str = "states";
+
+/// Files of visited states of all agents of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateFiles {
+    /// In ascending order of agents.
+    files: Vec<PathBuf>,
+    agents: u32,
+    properties: BTreeMap<String, String>,
+    observations: Vec<Quantity>,
+    actions: Vec<Quantity>,
+    time_limit: u32,
+    step_seconds: Option<f64>,
+    rows: Vec<EpisodeRow>,
+    warnings: Vec<String>,
+}
+
+/// Smallest and largest finite value of each quantity.
+struct Extents(Vec<[f32; 2]>);
+
+/// What all files have in common, collected one by one.
+struct Collected {
+    header: Header,
+    agents: Vec<u32>,
+    rows: Vec<EpisodeRow>,
+    warnings: Vec<String>,
+    observations: Extents,
+    actions: Extents,
+    max_length: u32,
+}
+
+impl StateFiles {
+    /// Paths of the files of visited states in the folder of a run, sorted; empty if it has none.
+    #[must_use]
+    pub fn paths_in(run_folder: &Path) -> Vec<PathBuf> {
+        let entries = fs::read_dir(run_folder.join(FOLDER)).into_iter().flatten();
+        let paths = entries.flatten().map(|entry| entry.path());
+        let mut paths: Vec<PathBuf> = paths.filter(|path| Self::is_state_file(path)).collect();
+        paths.sort();
+        paths
+    }
+
+    /// Whether a path is that of a file of visited states, by its extension.
+    #[must_use]
+    pub fn is_state_file(path: &Path) -> bool {
+        let is_hidden = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with('.');
+        path.extension().is_some_and(|found| found == EXTENSION)
+            && !path.file_name().is_some_and(is_hidden)
+    }
+
+    /// Opens all files in the folder of a run.
+    ///
+    /// # Errors
+    /// A file cannot be read, is damaged, or its agent has other axes than another agent.
+    pub fn open_folder(run_folder: &Path) -> Result<Self, ReadError> {
+        let name = fs::canonicalize(run_folder).ok();
+        let name = name.as_deref().unwrap_or(run_folder).file_name();
+        let name = name.unwrap_or(run_folder.as_os_str()).to_string_lossy();
+        Self::open(&name, Self::paths_in(run_folder), run_folder)
+    }
+
+    /// Opens the file of one agent.
+    ///
+    /// # Errors
+    /// As [`open_folder`](Self::open_folder).
+    pub fn open_file(path: &Path) -> Result<Self, ReadError> {
+        let name = path.file_stem().unwrap_or(path.as_os_str());
+        Self::open(&name.to_string_lossy(), vec![path.to_owned()], path)
+    }
+
+    fn open(name: &str, paths: Vec<PathBuf>, named: &Path) -> Result<Self, ReadError> {
+        let mut collected: Option<Collected> = None;
+        let mut files = Vec::with_capacity(paths.len());
+        for path in paths {
+            let agent = match &mut collected {
+                None => collected.insert(Collected::start(&path)?).header.agent,
+                Some(collected) => collected.add(&path)?,
+            };
+            files.push((agent, path));
+        }
+        let Some(collected) = collected else {
+            return Err(ReadError::Unreadable {
+                path: named.to_owned(),
+                reason: "it contains no file of visited states".to_owned(),
+            });
+        };
+        files.sort();
+        Ok(collected.into_state_files(name, files.into_iter().map(|(_, path)| path).collect()))
+    }
+
+    /// Properties of the run by name, as of a recording: `environment`, `agents`.
+    #[must_use]
+    pub fn properties(&self) -> &BTreeMap<String, String> {
+        &self.properties
+    }
+
+    /// Name of the environment.
+    #[must_use]
+    pub fn environment(&self) -> &str {
+        &self.properties["environment"]
+    }
+
+    /// Number of agents K: the largest number of an agent, plus 1.
+    #[must_use]
+    pub fn agent_count(&self) -> u32 {
+        self.agents
+    }
+
+    /// The observations of an agent, in order.
+    #[must_use]
+    pub fn observations(&self) -> &[Quantity] {
+        &self.observations
+    }
+
+    /// The components of an action, in order.
+    #[must_use]
+    pub fn actions(&self) -> &[Quantity] {
+        &self.actions
+    }
+
+    /// Number of steps after which episodes are truncated or, if it is not known, length of the
+    /// longest episode.
+    #[must_use]
+    pub fn time_limit(&self) -> u32 {
+        self.time_limit
+    }
+
+    /// Time between two actions, s, if it is known.
+    #[must_use]
+    pub fn step_seconds(&self) -> Option<f64> {
+        self.step_seconds
+    }
+
+    /// The axes of parallel coordinates: all observations.
+    #[must_use]
+    pub fn axes(&self) -> Axes {
+        Axes::of_quantities(&self.observations, self.time_limit, BonusRange::None)
+    }
+
+    /// One row per finished episode, in (round, agent) order. The round of an episode is its number.
+    /// Measures of visits are NaN.
+    #[must_use]
+    pub fn episode_rows(&self) -> &[EpisodeRow] {
+        &self.rows
+    }
+
+    /// What is incomplete: the ends of files of processes that were killed or are in progress.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// All finished episodes, agent by agent, in ascending order.
+    ///
+    /// # Errors
+    /// An item is an error if a file cannot be read or was damaged since it was opened.
+    pub fn episodes(&self) -> impl Iterator<Item = Result<RecordedEpisode, ReadError>> + use<> {
+        self.files.clone().into_iter().flat_map(|path| {
+            let (episodes, error) = match AgentEpisodes::open(&path) {
+                Ok(episodes) => (Some(episodes), None),
+                Err(error) => (None, Some(Err(error))),
+            };
+            let finished = episodes.into_iter().flatten();
+            finished
+                .map(|finished| finished.map(|finished| finished.episode))
+                .chain(error)
+        })
+    }
+
+    /// The finished episodes of each agent: `[files]`.
+    ///
+    /// # Errors
+    /// A file cannot be opened. Items are errors as in [`episodes`](Self::episodes).
+    pub fn episodes_by_agent(
+        &self,
+    ) -> Result<Vec<impl Iterator<Item = Result<RecordedEpisode, ReadError>> + use<>>, ReadError>
+    {
+        let files = self.files.iter();
+        files
+            .map(|path| Ok(AgentEpisodes::open(path)?.map(|finished| Ok(finished?.episode))))
+            .collect()
+    }
+}
+
+impl Collected {
+    fn start(path: &Path) -> Result<Self, ReadError> {
+        let episodes = AgentEpisodes::open(path)?;
+        let header = episodes.header().clone();
+        let mut collected = Self {
+            agents: vec![header.agent],
+            rows: Vec::new(),
+            warnings: Vec::new(),
+            observations: Extents::new(&header.observations),
+            actions: Extents::new(&header.actions),
+            max_length: 0,
+            header,
+        };
+        collected.add_episodes(episodes)?;
+        Ok(collected)
+    }
+
+    /// Adds a further file, and returns the number of its agent.
+    fn add(&mut self, path: &Path) -> Result<u32, ReadError> {
+        let episodes = AgentEpisodes::open(path)?;
+        let header = episodes.header();
+        let agent = header.agent;
+        let unreadable = |reason: String| ReadError::Unreadable {
+            path: path.to_owned(),
+            reason,
+        };
+        if self.agents.contains(&agent) {
+            return Err(unreadable(format!("another file has agent {agent}, too")));
+        }
+        if let Some(difference) = self.header.difference(header) {
+            return Err(unreadable(format!(
+                "{difference} of agent {agent} differ from those of agent {}; record them in separate folders",
+                self.header.agent
+            )));
+        }
+        self.agents.push(agent);
+        self.add_episodes(episodes)?;
+        Ok(agent)
+    }
+
+    fn add_episodes(&mut self, mut episodes: AgentEpisodes) -> Result<(), ReadError> {
+        for finished in &mut episodes {
+            let finished = finished?;
+            self.observations.add(&finished.episode.observations);
+            self.actions.add(&finished.episode.actions);
+            self.max_length = self.max_length.max(finished.episode.length() as u32);
+            self.rows.push(row(&finished));
+        }
+        self.warnings.extend(episodes.warning());
+        Ok(())
+    }
+
+    fn into_state_files(mut self, name: &str, files: Vec<PathBuf>) -> StateFiles {
+        self.rows.sort_by_key(|row| (row.round, row.agent));
+        let mut env_steps = 0;
+        for row in &mut self.rows {
+            env_steps += u64::from(row.length);
+            row.env_steps = env_steps;
+        }
+        let agents = self.agents.iter().max().map_or(0, |last| last + 1);
+        let properties = [
+            ("RecordingInfo:name", name.to_owned()),
+            ("environment", self.header.environment.clone()),
+            ("agents", agents.to_string()),
+        ];
+        StateFiles {
+            files,
+            agents,
+            properties: properties
+                .map(|(name, value)| (name.to_owned(), value))
+                .into(),
+            observations: self.observations.quantities(&self.header.observations),
+            actions: self.actions.quantities(&self.header.actions),
+            time_limit: self.header.time_limit.unwrap_or(self.max_length).max(1),
+            step_seconds: self.header.step_seconds,
+            rows: self.rows,
+            warnings: self.warnings,
+        }
+    }
+}
+
+fn row(finished: &FinishedEpisode) -> EpisodeRow {
+    let episode = &finished.episode;
+    EpisodeRow {
+        agent: episode.agent,
+        episode: episode.episode,
+        round: episode.round,
+        env_steps: 0,
+        r#return: finished.total_reward,
+        length: episode.length() as u32,
+        outcome: episode.outcome,
+        coverage: f64::NAN,
+        visitation_entropy: f64::NAN,
+        team_overlap: f64::NAN,
+        effective_agents: f64::NAN,
+    }
+}
+
+impl Extents {
+    fn new(axes: &[HeaderAxis]) -> Self {
+        Self(vec![[f32::INFINITY, f32::NEG_INFINITY]; axes.len()])
+    }
+
+    /// Adds rows of one value per quantity.
+    fn add(&mut self, rows: &[f32]) {
+        for row in rows.chunks_exact(self.0.len()) {
+            for ([low, high], value) in self.0.iter_mut().zip(row) {
+                if value.is_finite() {
+                    *low = low.min(*value);
+                    *high = high.max(*value);
+                }
+            }
+        }
+    }
+
+    /// The quantities on the axes. The extents take the place of ends that are not given.
+    fn quantities(&self, axes: &[HeaderAxis]) -> Vec<Quantity> {
+        let quantity = |(axis, [low, high]): (&HeaderAxis, &[f32; 2])| Quantity {
+            name: axis.name.clone(),
+            unit: axis.unit.clone(),
+            range: not_empty([axis.low.unwrap_or(*low), axis.high.unwrap_or(*high)]),
+        };
+        axes.iter().zip(&self.0).map(quantity).collect()
+    }
+}
+
+/// A range whose ends differ: around the only value, or from 0 to 1 if there is none.
+fn not_empty([low, high]: [f32; 2]) -> [f32; 2] {
+    let margin = |end: f32| (end.abs() * 1e-3).max(0.5);
+    match (low.is_finite(), high.is_finite()) {
+        _ if low < high && (high - low).is_finite() => [low, high],
+        (true, false) => [low, low + 2.0 * margin(low)],
+        (false, true) => [high - 2.0 * margin(high), high],
+        (true, true) => [low - margin(low), low + margin(low)],
+        (false, false) => [0.0, 1.0],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_are_never_empty() {
+        assert_eq!(not_empty([-1.0, 2.0]), [-1.0, 2.0]);
+        assert_eq!(not_empty([3.0, 3.0]), [2.5, 3.5]);
+        assert_eq!(not_empty([f32::INFINITY, f32::NEG_INFINITY]), [0.0, 1.0]);
+        assert_eq!(not_empty([2.0, f32::NEG_INFINITY]), [2.0, 3.0]);
+        assert_eq!(not_empty([f32::INFINITY, 2.0]), [1.0, 2.0]);
+        let [low, high] = not_empty([1e9, 1e9]);
+        assert!(low < 1e9 && high > 1e9);
+        // A given end above everything that was visited.
+        let [low, high] = not_empty([5.0, 2.0]);
+        assert!(low < high);
+    }
+}
