@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
+import seedbed
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
@@ -43,3 +47,36 @@ def two_switches(tmp_path: Path) -> Path:
     path = tmp_path / "two_switches.ron"
     path.write_text(MIXED_TASK.replace("Continuous(-2.0, 2.0)", "Discrete([-2.0, 2.0])"))
     return path
+
+
+@pytest.fixture(scope="session", autouse=True)
+def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folder of exported tables, so that tests do not use that of the user."""
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SEEDBED_CACHE", str(folder))
+        yield folder
+
+
+Train = Callable[..., Path]
+
+
+@pytest.fixture(scope="session")
+def train(tmp_path_factory: pytest.TempPathFactory) -> Train:
+    """Runs a scenario of the repository with settings, and returns the folder of the run."""
+
+    def run(scenario: str, *settings: str, options: tuple[str, ...] = ()) -> Path:
+        folder = tmp_path_factory.mktemp("run") / "results"
+        overrides = [part for setting in settings for part in ("--set", setting)]
+        path = REPOSITORY / "scenarios" / f"{scenario}.ron"
+        command = [seedbed.command(), "run", path, "--out", folder, "--quiet", *overrides, *options]
+        subprocess.run(command, check=True, cwd=REPOSITORY)
+        return folder
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def cartpole_run(train: Train) -> Path:
+    """Folder of a run of `cartpole` with four trained agents. Tests must not change it."""
+    return train("cartpole")

@@ -1,0 +1,372 @@
+"""Reading runs: tables, results and policies.
+
+    >>> import seedbed
+    >>> run = seedbed.load("recordings/cartpole")  # doctest: +SKIP
+    >>> run.episodes  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from . import exports, pages, programs
+from ._native import Task
+from .errors import RunError
+from .exports import Content
+from .frames import Frames, choose, from_rows, read_parquet
+
+if TYPE_CHECKING:
+    from .policies import Policy
+
+SUMMARY = "summary.json"
+SCENARIO = "scenario.ron"
+POLICIES = "policies.safetensors"
+
+COLUMNS: dict[str, type] = {
+    "path": str,
+    "state": str,
+    "error": str,
+    "scenario": str,
+    "environment": str,
+    "seed": int,
+    "agents": int,
+    "episodes_per_agent": int,
+    "env_steps": int,
+    "final_return": float,
+    "solved_at_return": float,
+    "solved_at_window": int,
+    "episodes_until_solved": int,
+    "team_coverage": float,
+    "effective_agents": float,
+    "regret_per_agent": float,
+    "seconds": float,
+    "written": datetime,
+}
+"""Columns of `runs`, and their types."""
+
+
+def load(path: str | os.PathLike[str], *, frames: Frames | None = None) -> Run:
+    """Open a run, finished or in progress.
+
+    Nothing is read before it is asked for.
+
+    Args:
+        path: Folder of a run, the recording in it, a folder with a single run, or a recording alone.
+        frames: Library of the tables: "polars", "pandas" or "arrow"; by default polars if it is installed, otherwise
+            pandas.
+
+    Raises:
+        FileNotFoundError: There is no such file or folder.
+        RunError: The folder contains no run, or several.
+
+    Example:
+        >>> run = load("recordings/cartpole")  # doctest: +SKIP
+        >>> run.summary["final_return"]  # doctest: +SKIP
+        187.95
+    """
+    given = Path(path)
+    if not given.exists():
+        raise FileNotFoundError(f"there is no file or folder {given}")
+    if not given.is_dir():
+        is_in_run = given.name in exports.RECORDINGS and (given.parent / SCENARIO).is_file()
+        return Run(given.parent if is_in_run else given, frames=frames)
+    return Run(_run_folder(given), frames=frames)
+
+
+def runs(folder: str | os.PathLike[str] = "recordings", *, frames: Frames | None = None) -> Any:
+    """Runs in a folder, at any depth, with their main results, as a frame with one row per run.
+
+    Args:
+        folder: Folder with runs.
+        frames: Library of the frame; see `load`.
+
+    Returns:
+        A frame with the columns of `seedbed runs --json`: `path`, `state` (finished, unfinished or unreadable),
+        `error`, `scenario`, `environment`, `seed`, `agents`, `episodes_per_agent`, `env_steps`, `final_return`,
+        `solved_at_return` and `solved_at_window` (when the task counts as solved), `episodes_until_solved`,
+        `team_coverage`, `effective_agents`, `regret_per_agent`, `seconds` and `written` (the time, in UTC).
+
+    Raises:
+        FileNotFoundError: There is no such folder.
+
+    Example:
+        >>> runs("recordings")  # doctest: +SKIP
+    """
+    given = Path(folder)
+    if not given.is_dir():
+        raise FileNotFoundError(f"there is no folder {given}")
+    chosen = choose(frames)
+    return _frame(_listed(given), chosen)
+
+
+class Run:
+    """A run; see `load`.
+
+    Attributes:
+        path: Folder of the run, or the recording if there is no folder.
+        frames: Library of the tables; None for the default.
+    """
+
+    def __init__(self, path: Path, *, frames: Frames | None = None) -> None:
+        self.path = path
+        self.frames = None if frames is None else choose(frames)
+        self._tables: dict[Content, tuple[Path, Any]] = {}
+
+    @property
+    def name(self) -> str:
+        """Name of the scenario and the run seed.
+
+        While the run is in progress, the name is that of the folder above, as in `seedbed runs`.
+        """
+        if not self._is_folder:
+            return self.path.name
+        row = self.info
+        name = row["scenario"] or row["environment"] or self.path.resolve().name
+        return name if row["seed"] is None else f"{name}, run seed {row['seed']}"
+
+    @property
+    def state(self) -> str:
+        """The state of the run: "finished", or "unfinished" if it is in progress or was interrupted."""
+        return str(self.info["state"])
+
+    @property
+    def agents(self) -> int:
+        """Number of agents K."""
+        return int(self.info["agents"])
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """The row of the run in `seedbed.runs`, as it is now.
+
+        Raises:
+            RunError: The run cannot be read.
+        """
+        folder = self._folder("results")
+        # An error of the summary names it.
+        self._summary()
+        rows = [row for row in _listed(folder) if Path(row["path"]).resolve() == folder.resolve()]
+        if not rows:
+            raise RunError(folder, "it contains no run")
+        if rows[0]["error"] is not None:
+            raise RunError(None, str(rows[0]["error"]))
+        return rows[0]
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Contents of `summary.json`, which is written when a run is finished.
+
+        Raises:
+            RunError: The run is not finished, or the file is damaged.
+        """
+        found = self._summary()
+        if found is None:
+            reason = "there is no such file: the run is in progress or was interrupted, see `run.info`"
+            raise RunError(self._folder("summary") / SUMMARY, reason)
+        return found
+
+    @property
+    def scenario(self) -> str:
+        """Text of the scenario, with all defaults written out.
+
+        Raises:
+            RunError: The file is missing or no text.
+        """
+        return _text(self._folder("scenario") / SCENARIO)
+
+    @property
+    def task(self) -> Task:
+        """The task of the run: that of the copy in its folder, which `seedbed.make` accepts.
+
+        Raises:
+            RunError: The run has no copy of a task file, as those of tabular scenarios.
+            TaskError: Something in the file is wrong.
+        """
+        row = self.info
+        path = self.path / "envs" / f"{row['environment']}.ron"
+        if not path.is_file():
+            raise RunError(path, "there is no such file: the run has no copy of its task")
+        return Task(path, run_seed=row["seed"] or 0)
+
+    @property
+    def episodes(self) -> Any:
+        """Frame with one row per finished episode: the columns of `episodes.csv`."""
+        return self.table("episodes")
+
+    @property
+    def rounds(self) -> Any:
+        """Frame with one row per update of an agent: the columns of `rounds.csv`."""
+        return self.table("rounds")
+
+    @property
+    def states(self) -> Any:
+        """Frame with one row per visited state.
+
+        Its columns are `agent`, `episode`, `round`, `step`, all observations, the action as the policy chose it,
+        `reward` and `outcome`. The last state of an episode has no action and no reward.
+        """
+        return self.table("states")
+
+    def table(self, content: Content, columns: Sequence[str] | None = None, *, frames: Frames | None = None) -> Any:
+        """A table, or only some of its columns. Whole tables stay in memory until their files change.
+
+        Args:
+            content: "states", "episodes" or "rounds".
+            columns: Names of columns.
+            frames: Library of the frame; by default that of the run.
+
+        Raises:
+            RunError: The file is missing, damaged, or shorter than the summary of the finished run says.
+            ImportError: The library is not installed.
+        """
+        chosen = choose(frames or self.frames)
+        path = self.parquet(content)
+        if columns is not None or chosen != choose(self.frames):
+            return read_parquet(path, chosen, columns)
+        known = self._tables.get(content)
+        if known is None or known[0] != path:
+            known = self._tables[content] = (path, read_parquet(path, chosen))
+        return known[1]
+
+    def parquet(self, content: Content = "states") -> Path:
+        """A Parquet file with a table, for tools that read a part of it, such as `polars.scan_parquet` and DuckDB.
+
+        The file is in a cache folder (`SEEDBED_CACHE`). Call `parquet` again after the run has changed.
+
+        Raises:
+            RunError: As for `table`.
+        """
+        if content not in exports.CONTENTS:
+            raise ValueError(f"content is {content!r}, expected one of {', '.join(exports.CONTENTS)}")
+        return exports.parquet_file(self.path, content, self._summary() if self._is_folder else None)
+
+    def policy(self, agent: int = 0, *, model: int | None = None) -> Policy:
+        """The trained policy of an agent.
+
+        Args:
+            agent: Number of the agent, from 0.
+            model: Number of a model of the team, for algorithms whose agents act by shared models. By default that of
+                the agent. If agents draw a model for each round, each model is a policy of its own; the default is
+                `agent` modulo their number.
+
+        Raises:
+            RunError: The file is missing (it is written at the end of a run) or damaged, or the algorithm has no
+                networks.
+            IndexError: There is no such agent or model.
+
+        Example:
+            >>> policy = run.policy(2)  # doctest: +SKIP
+            >>> action = policy([0.0, 0.1, 0.02, -0.1])  # doctest: +SKIP
+        """
+        from .policies import Policy
+
+        return Policy(self._folder("policies") / POLICIES, agent, model)
+
+    def explore(self, path: str | os.PathLike[str] | None = None, *, states: int | None = None) -> Path:
+        """Write a page in which visited states are selected by brushes (`seedbed explore`).
+
+        Args:
+            path: The page; by default `explore.html` in the folder of the run.
+            states: Maximum number of states; more are thinned evenly. By default 200,000.
+
+        Returns:
+            Path of the page.
+        """
+        out = Path(path) if path is not None else self._folder("place for a page") / "explore.html"
+        limit = [] if states is None else ["--states", str(states)]
+        programs.call("explore", self.path, "--out", out, *limit)
+        return out
+
+    def to_html(self, path: str | os.PathLike[str]) -> Path:
+        """Write the recording and the viewer into one page, which needs nothing but a browser.
+
+        It has about 22 MB more than the recording. Needs `pip install 'seedbed[html]'`.
+
+        Args:
+            path: The page.
+
+        Returns:
+            Path of the page.
+
+        Raises:
+            RunError: There is no recording.
+            ImportError: The viewer is not installed.
+        """
+        return pages.write_viewer(self._recording(), Path(path), self.name)
+
+    def __repr__(self) -> str:
+        return f"<seedbed run {self.name!r} in {self.path}>"
+
+    def _repr_html_(self) -> str:
+        return pages.overview(self)
+
+    @property
+    def _is_folder(self) -> bool:
+        return self.path.is_dir()
+
+    def _folder(self, what: str) -> Path:
+        if not self._is_folder:
+            raise RunError(self.path, f"a recording without the folder of its run has no {what}")
+        return self.path
+
+    def _recording(self) -> Path:
+        if not self._is_folder:
+            return self.path
+        for name in exports.RECORDINGS:
+            if (self.path / name).is_file():
+                return self.path / name
+        raise RunError(self.path / exports.RECORDINGS[0], "there is no such file: the run was not recorded")
+
+    def _summary(self) -> dict[str, Any] | None:
+        path = self._folder("summary") / SUMMARY
+        if not path.is_file():
+            return None
+        try:
+            found = json.loads(_text(path))
+        except json.JSONDecodeError as error:
+            raise RunError(path, f"it is no valid JSON: {error}") from error
+        if not isinstance(found, dict):
+            raise RunError(path, "expected a JSON object")
+        return found
+
+
+def _run_folder(folder: Path) -> Path:
+    """The folder itself, if it is a run, or that of the single run in it."""
+    if any((folder / name).is_file() for name in (SUMMARY, SCENARIO, *exports.RECORDINGS)):
+        return folder
+    if any((folder / exports.STATES_FOLDER).glob("*.states")):
+        return folder
+    found = [row["path"] for row in _listed(folder)]
+    if not found:
+        raise RunError(folder, "it contains no run")
+    if len(found) > 1:
+        raise RunError(folder, f"it contains {len(found)} runs: load one of them, such as {found[0]}")
+    return Path(found[0])
+
+
+def _listed(folder: Path) -> list[dict[str, Any]]:
+    """Runs in a folder, as `seedbed runs` lists them."""
+    rows: list[dict[str, Any]] = json.loads(programs.call("runs", folder, "--json"))
+    return rows
+
+
+def _frame(rows: list[dict[str, Any]], chosen: Frames) -> Any:
+    for row in rows:
+        solved = row.pop("solved_at") or {}
+        row["solved_at_return"], row["solved_at_window"] = solved.get("return"), solved.get("window")
+        if row["written"] is not None:
+            row["written"] = datetime.fromisoformat(row["written"].replace("Z", "+00:00"))
+    return from_rows(rows, COLUMNS, chosen)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise RunError(path, "there is no such file") from error
+    except UnicodeDecodeError as error:
+        raise RunError(path, f"it is no text: {error}") from error
