@@ -3,6 +3,7 @@
 
     benches/peers/compare.py                  all lines, about 20 minutes after the first installation
     benches/peers/compare.py cartpole update  only lines whose name contains one of the words
+    benches/peers/compare.py Python           the environments of the Python package
     benches/peers/compare.py --rounds 9       more repetitions
 
 Each peer runs in a virtual environment of its own, which is made at the first use in --environments. For each line the
@@ -29,6 +30,9 @@ PACKAGES = {
     "gymnasium": ["gymnasium==1.4.0"],
     "jax": ["jax==0.10.2"],
     "sb3": ["stable-baselines3==2.9.2", "torch==2.15.0", "gymnasium==1.4.0"],
+    "gymnasium-mujoco": ["mujoco==4.0.0", "gymnasium==1.4.0", "imageio==2.38.1", "packaging==26.3"],
+    "envpool": ["envpool==1.2.5", "gymnasium==1.4.0"],
+    "seedbed": ["maturin==1.16.0", "gymnasium==1.4.0"],
 }
 
 
@@ -91,6 +95,19 @@ class WholeRun:
             return 1 / wall_seconds([*command, "--seed", str(1000 + repetition), "--out", Path(folder, "run")])
 
 
+class PythonSteps:
+    """Steps of one of our environments from Python, per second of CPU time; see `python_environments.py`."""
+
+    target = "python"
+
+    def __init__(self, task, copies, physics):
+        self.arguments = [f"seedbed:{task}", *copies, "--physics", physics]
+
+    def speed(self, programs, seconds, _):
+        command = [programs[self.target], HERE / "python_environments.py", *self.arguments]
+        return cpu_speed([*command, "--seconds", str(seconds)])
+
+
 def lines():
     for kind, label in (("bare", "states only"), ("rapier", "with observations, rewards and resets")):
         for copies in (1, 16, 64, 1024):
@@ -129,7 +146,24 @@ def lines():
         ),
         "sb3", "sb3_learning.py", "dqn",
     )
+    yield from lines_from_python()
     yield Line("CartPole to 195, whole process", "runs", WholeRun("cartpole_fast"), "sb3", "sb3_learning.py", "cartpole")
+
+
+def lines_from_python():
+    """Our environments beside those of others, as users of Python step them: one, and M at once."""
+    numbers = [[], *([str(copies)] for copies in (1, 16, 64, 1024))]
+    for ours, physics, label, library, theirs in (
+        ("cartpole", "rapier", "rigid cart-pole beside CartPole-v1", "gymnasium", "CartPole-v1"),
+        ("cartpole", "analytic", "analytic cart-pole beside CartPole-v1", "gymnasium", "CartPole-v1"),
+        ("cartpole", "analytic", "analytic cart-pole beside EnvPool", "envpool", "envpool:CartPole-v1"),
+        ("cartpole_continuous", "rapier", "rigid cart-pole beside MuJoCo's", "gymnasium-mujoco", "InvertedPendulum-v5"),
+        ("hopper", "rapier", "hopper beside MuJoCo's", "gymnasium-mujoco", "Hopper-v5"),
+    ):
+        for copies in numbers if library != "envpool" else numbers[1:]:
+            name = f"Python: {label}, {f'M = {copies[0]}' if copies else 'single'}"
+            peer = ("python_environments.py", theirs, *copies)
+            yield Line(name, "steps", PythonSteps(ours, copies, physics), library, *peer)
 
 
 def main():
@@ -148,7 +182,7 @@ def main():
     ]
     if not chosen:
         sys.exit("no line has such a name; names: " + "; ".join(line.name for line in lines()))
-    programs = build({line.workbench.target for line in chosen})
+    programs = build({line.workbench.target for line in chosen}, arguments.environments)
     print("| Work | workbench, per second | peer, per second | ratio | range |")
     print("|---|---|---|---|---|", flush=True)
     for line in chosen:
@@ -163,15 +197,28 @@ def main():
         print(row(line, pairs), flush=True)
 
 
-def build(targets):
-    """Paths of the built benchmarks, and of the program."""
+def build(targets, environments):
+    """Paths of the built benchmarks, of the program, and of a Python that has our package."""
     programs = {}
+    if "python" in targets:
+        programs["python"] = python_with_package(environments)
     if "seedbed" in targets:
         programs |= executables("build", "--release", "--bin", "seedbed")
-    benches = sorted(targets - {"seedbed"})
+    benches = sorted(targets - {"seedbed", "python"})
     if benches:
         programs |= executables("bench", "--no-run", *(argument for name in benches for argument in ("--bench", name)))
     return programs
+
+
+def python_with_package(environments):
+    """The Python of a virtual environment with the Python package, which is built anew."""
+    python = environment(environments, "seedbed")
+    with tempfile.TemporaryDirectory() as folder:
+        build_wheel = [python.with_name("maturin"), "build", "--release", "--quiet", "--out", folder]
+        subprocess.run(build_wheel, cwd=REPOSITORY / "python", check=True)
+        install = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--force-reinstall", "--no-deps"]
+        subprocess.run([*install, *Path(folder).glob("*.whl")], check=True)
+    return python
 
 
 def executables(*command):
@@ -211,11 +258,15 @@ def peer_speed(python, line, seconds, repetition):
     command = [python, HERE / script, *rest]
     if isinstance(line.workbench, WholeRun):
         return 1 / wall_seconds([*command, "--seed", str(1000 + repetition)])
-    command += ["--seconds", str(seconds)]
+    return cpu_speed([*command, "--seconds", str(seconds)])
+
+
+def cpu_speed(command):
+    """Units per second of CPU time that a script prints."""
     # Not in the repository, because MuJoCo writes a log to the current folder.
     folder = tempfile.gettempdir()
     output = subprocess.run(command, cwd=folder, check=True, stdout=subprocess.PIPE, text=True).stdout
-    result = json.loads(output)
+    result = json.loads(output.splitlines()[-1])
     return result["units"] / result["cpu_seconds"]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any, ClassVar, SupportsFloat, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -22,9 +22,14 @@ PICTURE_SIZE = (600, 400)
 RENDER_MODES = ("rgb_array",)
 
 
-def as_task(task: TaskLike, run_seed: int = 0) -> Task:
-    """The task that is meant; `run_seed` is for the tasks of files."""
-    return task if isinstance(task, Task) else Task(task, run_seed=run_seed)
+def as_task(task: TaskLike, run_seed: int | None = None) -> Task:
+    """The task that is meant, drawn with `run_seed` (by default 0, or that of a `Task`)."""
+    seed = None if run_seed is None else checked_seed(run_seed)
+    if not isinstance(task, Task):
+        return Task(task, run_seed=seed or 0)
+    if seed not in (None, task.run_seed):
+        raise ValueError(f"run_seed is {seed}, but the task was made with run_seed={task.run_seed}")
+    return task
 
 
 def rendering(batch: Batch, task: Task, render_mode: str | None) -> dict[str, Any]:
@@ -54,7 +59,7 @@ class Env(gymnasium.Env[NDArray[np.float32], Any]):
         max_episode_steps: Steps after which an episode is truncated; by default those of the task, and -1
             for no limit.
         render_mode: "rgb_array" to draw the bodies, if the task has any.
-        run_seed: Run seed with which tasks are drawn that differ from run to run; see `Task`.
+        run_seed: Run seed with which tasks are drawn that differ from run to run; by default 0. See `Task`.
 
     Raises:
         TaskError: Something in the task file is wrong.
@@ -79,9 +84,9 @@ class Env(gymnasium.Env[NDArray[np.float32], Any]):
         physics: str = "rapier",
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
-        run_seed: int = 0,
+        run_seed: int | None = None,
     ) -> None:
-        self.task = as_task(task, checked_seed(run_seed))
+        self.task = as_task(task, run_seed)
         """Description of the task: names, units and ranges."""
         self.physics = physics
         if max_episode_steps is None:
@@ -116,7 +121,7 @@ class Env(gymnasium.Env[NDArray[np.float32], Any]):
 
     def step(
         self, action: Any
-    ) -> tuple[NDArray[np.float32], SupportsFloat, bool, bool, dict[str, Any]]:
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Advance by one control step of `task.control_step` seconds.
 
         Returns:
@@ -131,7 +136,7 @@ class Env(gymnasium.Env[NDArray[np.float32], Any]):
         observation, reward, terminated, truncated = self._batch.step_one(action)
         return observation, reward, terminated, truncated, {}
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Draw the bodies.
 
         Returns:

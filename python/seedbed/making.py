@@ -11,7 +11,6 @@ from gymnasium.vector import AutoresetMode
 from ._native import Task
 from .environment import Env, TaskLike, as_task
 from .registration import environment_id
-from .seeding import checked_seed
 from .vector import VectorEnv
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ def make(
     physics: str = "rapier",
     max_episode_steps: int | None = None,
     render_mode: str | None = None,
-    run_seed: int = 0,
+    run_seed: int | None = None,
 ) -> Env: ...
 
 
@@ -41,7 +40,7 @@ def make(
     copy: bool = True,
     max_episode_steps: int | None = None,
     render_mode: str | None = None,
-    run_seed: int = 0,
+    run_seed: int | None = None,
 ) -> VectorEnv: ...
 
 
@@ -49,7 +48,7 @@ def make(
     task: TaskLike,
     num_envs: int | None = None,
     *,
-    run_seed: int = 0,
+    run_seed: int | None = None,
     **options: Any,
 ) -> Env | VectorEnv:
     """Make an environment of a task file or of a built-in task.
@@ -58,7 +57,7 @@ def make(
         task: Path of a task file, name of a task (see `Task`; `seedbed.tasks()` returns the built-in ones),
             or a `Task`.
         num_envs: Number of copies of a vector environment; by default a single environment.
-        run_seed: Run seed with which tasks are drawn that differ from run to run; see `Task`.
+        run_seed: Run seed with which tasks are drawn that differ from run to run; by default 0. See `Task`.
         **options: Keywords of `Env` or, with `num_envs`, of `VectorEnv`.
 
     Returns:
@@ -75,7 +74,7 @@ def make(
         >>> make("cartpole", num_envs=8, autoreset_mode="SameStep").num_envs
         8
     """
-    found = as_task(task, checked_seed(run_seed))
+    found = as_task(task, run_seed)
     environment: Env | VectorEnv
     if num_envs is None:
         environment = Env(found, **options)

@@ -16,7 +16,7 @@ from .seeding import checked_seed, random_seed
 from .spaces import action_space, observation_space
 
 
-class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):
+class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):  # type: ignore[misc]
     """K agents that act at the same time, each in a copy of the task of its own: they do not meet.
 
     The start states are those of a team in the workbench: agent k draws them from the random stream (run
@@ -27,12 +27,12 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):
         task: A task, the path of a task file, or the name of a task; see `Task`.
         agents: Number of agents K.
         physics: "rapier" for rigid bodies, "analytic" for the task's analytic model.
-        threads: Number of threads; by default the number of cores, but at most one per 256 agents, or per 16
+        threads: Number of threads; by default the number of cores, but at most one per 256 agents, or per 8
             agents in a task with contacts.
         max_episode_steps: Steps after which an episode is truncated; by default those of the task, and -1
             for no limit.
         render_mode: "rgb_array" to draw the bodies, if the task has any.
-        run_seed: Run seed with which tasks are drawn that differ from run to run; see `Task`.
+        run_seed: Run seed with which tasks are drawn that differ from run to run; by default 0. See `Task`.
 
     Raises:
         TaskError: Something in the task file is wrong.
@@ -58,9 +58,9 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):
         threads: int | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
-        run_seed: int = 0,
+        run_seed: int | None = None,
     ) -> None:
-        self.task = as_task(task, checked_seed(run_seed))
+        self.task = as_task(task, run_seed)
         """Description of the task: names, units and ranges."""
         self._batch = Batch(
             self.task, agents, physics=physics, threads=threads, max_episode_steps=max_episode_steps, team=True
@@ -80,7 +80,7 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):
         self._terminated = np.zeros(agents, np.bool_)
         self._truncated = np.zeros(agents, np.bool_)
 
-    def observation_space(self, agent: str) -> spaces.Box:
+    def observation_space(self, agent: str) -> spaces.Space[NDArray[np.float32]]:
         """Space of an agent's observations: the same object in each call."""
         return self.observation_spaces[agent]
 

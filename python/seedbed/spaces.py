@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from ._native import Action, Task
 
 
-def observation_space(task: Task) -> spaces.Box:
+def observation_space(task: Task) -> spaces.Space[NDArray[np.float32]]:
     """Space of the observations of a task: float32, `[observations]`, without bounds.
 
     Display ranges (`task.observations[i].range`) are no bounds: values outside occur.
     """
-    return spaces.Box(-np.inf, np.inf, (len(task.observations),), np.float32)
+    space = spaces.Box(-np.inf, np.inf, (len(task.observations),), np.float32)
+    return cast("spaces.Space[NDArray[np.float32]]", space)
 
 
 def action_space(task: Task) -> spaces.Space[Any]:

@@ -33,7 +33,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], Any, NDArray[Any
         task: A task, the path of a task file, or the name of a task; see `Task`.
         num_envs: Number of copies M.
         physics: "rapier" for rigid bodies, "analytic" for the task's analytic model.
-        threads: Number of threads; by default the number of cores, but at most one per 256 copies, or per 16
+        threads: Number of threads; by default the number of cores, but at most one per 256 copies, or per 8
             copies of a task with contacts.
         autoreset_mode: When a copy whose episode has ended is reset:
             * `NEXT_STEP` (default): by the next step, which ignores the action of the copy.
@@ -45,7 +45,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], Any, NDArray[Any
         max_episode_steps: Steps after which an episode is truncated; by default those of the task, and -1
             for no limit.
         render_mode: "rgb_array" to draw the bodies, if the task has any.
-        run_seed: Run seed with which tasks are drawn that differ from run to run; see `Task`.
+        run_seed: Run seed with which tasks are drawn that differ from run to run; by default 0. See `Task`.
 
     Raises:
         TaskError: Something in the task file is wrong.
@@ -77,10 +77,10 @@ class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], Any, NDArray[Any
         copy: bool = True,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
-        run_seed: int = 0,
+        run_seed: int | None = None,
     ) -> None:
         super().__init__()
-        self.task = as_task(task, checked_seed(run_seed))
+        self.task = as_task(task, run_seed)
         """Description of the task: names, units and ranges."""
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.copy = copy

@@ -3,9 +3,10 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use numpy::ndarray::Dimension;
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1,
-    PyReadwriteArray2,
+    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1,
+    PyReadwriteArray, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyIndexError, PyRuntimeError, PyValueError};
 use pyo3::import_exception;
@@ -28,8 +29,8 @@ const MAX_COPIES: usize = 1 << 20;
 const MAX_THREADS: usize = 256;
 
 /// Minimum number of copies per thread, unless a number of threads is given, for tasks with contacts and
-/// for all others. Fewer copies are stepped before another thread has woken up.
-const MIN_COPIES_PER_THREAD: [usize; 2] = [16, 256];
+/// for all others. They take about 0.1 ms, and to wake a thread about 0.02 ms.
+const MIN_COPIES_PER_THREAD: [usize; 2] = [8, 256];
 
 /// Sides of pictures, in pixels.
 const PICTURE_SIDES: std::ops::RangeInclusive<u32> = 32..=4096;
@@ -45,7 +46,7 @@ const PICTURE_SIDES: std::ops::RangeInclusive<u32> = 32..=4096;
 ///     copies (int): Number of copies M.
 ///     physics (str): "rapier" for rigid bodies, "analytic" for the task's analytic model.
 ///     threads (int | None): Number of threads; by default the number of cores, but at most one per
-///         256 copies, or per 16 copies of a task with contacts.
+///         256 copies, or per 8 copies of a task with contacts.
 ///     max_episode_steps (int | None): Steps after which an episode is truncated; by default those of
 ///         the task, and -1 for no limit.
 ///     autoreset (str): "next_step", "same_step" or "disabled", as in Gymnasium.
@@ -166,7 +167,7 @@ impl Batch {
         mask: Option<PyReadonlyArray1<'_, bool>>,
     ) -> PyResult<()> {
         let mask = mask.map(|mask| mask.as_array().to_vec());
-        let observations = observations.as_slice_mut().map_err(invalid_array)?;
+        let observations = slice_of(&mut observations)?;
         check_length(
             "observations",
             observations.len(),
@@ -184,7 +185,7 @@ impl Batch {
 
     /// Writes the current observations of all copies (float32, `[M, observations]`).
     fn observe(&mut self, mut observations: PyReadwriteArray2<'_, f32>) -> PyResult<()> {
-        let observations = observations.as_slice_mut().map_err(invalid_array)?;
+        let observations = slice_of(&mut observations)?;
         check_length(
             "observations",
             observations.len(),
@@ -203,7 +204,7 @@ impl Batch {
     /// Advances all copies by one step and writes the results.
     ///
     /// Args:
-    ///     actions: One row per copy; None for the actions that `set_action` has set.
+    ///     actions: One row per copy; None, for a team, for the actions that `set_action` has set.
     ///     observations: float32, `[M, observations]`.
     ///     rewards: float64, `[M]`.
     ///     terminated: bool, `[M]`.
@@ -225,18 +226,20 @@ impl Batch {
         mut final_observations: Option<PyReadwriteArray2<'_, f32>>,
     ) -> PyResult<()> {
         self.check_running()?;
-        if let Some(actions) = actions {
-            self.actions.read_batch(actions)?;
+        match actions {
+            Some(actions) => self.actions.read_batch(actions)?,
+            None if self.is_team => {}
+            None => self.actions.read_batch(py.None().bind(py))?,
         }
         let final_observations = match &mut final_observations {
-            Some(array) => array.as_slice_mut().map_err(invalid_array)?,
+            Some(array) => slice_of(array)?,
             None => &mut [],
         };
         let rows = Rows {
-            observations: observations.as_slice_mut().map_err(invalid_array)?,
-            rewards: rewards.as_slice_mut().map_err(invalid_array)?,
-            terminated: terminated.as_slice_mut().map_err(invalid_array)?,
-            truncated: truncated.as_slice_mut().map_err(invalid_array)?,
+            observations: slice_of(&mut observations)?,
+            rewards: slice_of(&mut rewards)?,
+            terminated: slice_of(&mut terminated)?,
+            truncated: slice_of(&mut truncated)?,
             final_observations,
         };
         self.check_rows(&rows)?;
@@ -590,9 +593,17 @@ fn check_length(name: &str, found: usize, expected: usize) -> PyResult<()> {
     Err(PyValueError::new_err(message))
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "an argument of `map_err`")]
-fn invalid_array(error: impl ToString) -> PyErr {
-    PyValueError::new_err(error.to_string())
+/// The elements of an array in which results are written.
+fn slice_of<'a, T: Element, D: Dimension>(
+    array: &'a mut PyReadwriteArray<'_, T, D>,
+) -> PyResult<&'a mut [T]> {
+    if !array.is_c_contiguous() {
+        return Err(PyValueError::new_err(
+            "expected a contiguous array in C order",
+        ));
+    }
+    let elements = array.as_slice_mut();
+    elements.map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
 /// The result of some work. If it panics, which a simulation of extreme numbers could, this is an
