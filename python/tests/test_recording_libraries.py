@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -17,15 +18,20 @@ from seedbed.recording import RecordVisitation, RecordVisitationVector
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]
 
 
+def maker(folder: Path, agent: int) -> Callable[[], gymnasium.Env]:
+    """A local function, which other processes need not import."""
+    return lambda: RecordVisitation(gymnasium.make("CartPole-v1"), folder, agent=agent)
+
+
 def recorded(folder: Path, agent: int) -> gymnasium.Env:
-    return RecordVisitation(gymnasium.make("CartPole-v1"), folder, agent=agent)
+    return maker(folder, agent)()
 
 
 @pytest.mark.parametrize("start_method", ["fork", "forkserver", "spawn"])
 def test_subprocesses_of_stable_baselines(tmp_path, start_method):
     from stable_baselines3.common import vec_env
 
-    environments = vec_env.SubprocVecEnv([partial(recorded, tmp_path, agent) for agent in range(3)], start_method)
+    environments = vec_env.SubprocVecEnv([maker(tmp_path, agent) for agent in range(3)], start_method)
     environments.reset()
     episodes = np.zeros(3, int)
     for _ in range(200):
