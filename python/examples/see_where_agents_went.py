@@ -34,7 +34,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Train agents that record where they go.")
     parser.add_argument("--folder", type=Path, default=Path("recordings/lander"), help="[default: recordings/lander]")
     parser.add_argument("--agents", type=int, default=4, help="number of agents [default: 4]")
-    parser.add_argument("--steps", type=int, default=100_000, help="environment steps of each agent [default: 100000]")
+    parser.add_argument("--steps", type=int, default=150_000, help="environment steps of each agent [default: 150000]")
     arguments = parser.parse_args()
     processes = multiprocessing.get_context("spawn")
     learning = [

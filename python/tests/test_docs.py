@@ -12,10 +12,10 @@ import pytest
 from conftest import REPOSITORY
 
 import seedbed
-from seedbed import environment, making, parallel, registration, seeding, spaces, vector
+from seedbed import environment, making, parallel, recording, registration, seeding, spaces, state_files, vector
 
 PAGES = [REPOSITORY / "docs/python.md", REPOSITORY / "python/README.md"]
-MODULES = [seedbed, environment, making, parallel, registration, seeding, spaces, vector]
+MODULES = [seedbed, environment, making, parallel, recording, registration, seeding, spaces, state_files, vector]
 
 
 def code_blocks(page: Path) -> list[tuple[int, str]]:

@@ -1,9 +1,10 @@
-"""Recorders inside the training loops of other libraries. They need PyTorch: `pytest -m slow`."""
+"""Recorders inside the training loops of other libraries: `pytest -m slow`, with stable-baselines3, torchrl and gymnasium[box2d]."""
 
 from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -17,14 +18,20 @@ from seedbed.recording import RecordVisitation, RecordVisitationVector
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]
 
 
+def maker(folder: Path, agent: int) -> Callable[[], gymnasium.Env]:
+    """A local function, which other processes need not import."""
+    return lambda: RecordVisitation(gymnasium.make("CartPole-v1"), folder, agent=agent)
+
+
 def recorded(folder: Path, agent: int) -> gymnasium.Env:
-    return RecordVisitation(gymnasium.make("CartPole-v1"), folder, agent=agent)
+    return maker(folder, agent)()
 
 
 @pytest.mark.parametrize("start_method", ["fork", "forkserver", "spawn"])
 def test_subprocesses_of_stable_baselines(tmp_path, start_method):
-    vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
-    environments = vec_env.SubprocVecEnv([partial(recorded, tmp_path, agent) for agent in range(3)], start_method)
+    from stable_baselines3.common import vec_env
+
+    environments = vec_env.SubprocVecEnv([maker(tmp_path, agent) for agent in range(3)], start_method)
     environments.reset()
     episodes = np.zeros(3, int)
     for _ in range(200):
@@ -36,7 +43,7 @@ def test_subprocesses_of_stable_baselines(tmp_path, start_method):
 
 
 def test_training_with_stable_baselines_agrees_with_its_monitor(tmp_path):
-    stable_baselines3 = pytest.importorskip("stable_baselines3")
+    import stable_baselines3
     from stable_baselines3.common.monitor import Monitor
 
     environment = Monitor(recorded(tmp_path / "run", 0), str(tmp_path / "monitor.csv"))
@@ -68,7 +75,8 @@ def test_a_loop_in_the_style_of_cleanrl(tmp_path):
 
 
 def test_torchrl_collects_from_a_recorded_environment(tmp_path):
-    envs = pytest.importorskip("torchrl.envs")
+    from torchrl import envs
+
     environment = envs.GymWrapper(recorded(tmp_path, 0))
     rollout = environment.rollout(200, break_when_any_done=False)
     environment.close()
@@ -82,7 +90,6 @@ def test_torchrl_collects_from_a_recorded_environment(tmp_path):
 
 @pytest.mark.parametrize("agents", [2])
 def test_the_example_records_each_agent(tmp_path, agents):
-    pytest.importorskip("Box2D")
     import runpy
 
     example = runpy.run_path(str(Path(__file__).parents[1] / "examples" / "see_where_agents_went.py"))

@@ -419,7 +419,8 @@ environment.step(0)
 
 def run_script(folder: Path, end: str, agent: int = 0, episodes: int = 3) -> subprocess.Popen:
     script = SCRIPT.format(tests=str(Path(__file__).parent), folder=str(folder), agent=agent, episodes=episodes, end=end)
-    return subprocess.Popen([sys.executable, "-c", script])
+    # Not in the folder of the sources, which have no native part.
+    return subprocess.Popen([sys.executable, "-c", script], cwd=folder.parent)
 
 
 def test_a_killed_process_loses_only_its_unfinished_episode(tmp_path):
