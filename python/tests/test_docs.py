@@ -12,10 +12,10 @@ import pytest
 from conftest import REPOSITORY
 
 import seedbed
-from seedbed import environment, making, parallel, registration, seeding, spaces, vector
+from seedbed import environment, making, parallel, policies, reading, registration, seeding, spaces, vector
 
-PAGES = [REPOSITORY / "docs/python.md", REPOSITORY / "python/README.md"]
-MODULES = [seedbed, environment, making, parallel, registration, seeding, spaces, vector]
+PAGES = [REPOSITORY / path for path in ("docs/python.md", "docs/own_algorithm_in_python.md", "python/README.md")]
+MODULES = [seedbed, environment, making, parallel, policies, reading, registration, seeding, spaces, vector]
 
 
 def code_blocks(page: Path) -> list[tuple[int, str]]:
