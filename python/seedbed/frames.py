@@ -59,7 +59,12 @@ def from_rows(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, type], fr
     if frames == "polars":
         import polars
 
-        types = {str: polars.String, int: polars.Int64, float: polars.Float64, datetime: polars.Datetime("us", "UTC")}
+        types: dict[type, Any] = {
+            str: polars.String,
+            int: polars.Int64,
+            float: polars.Float64,
+            datetime: polars.Datetime("us", "UTC"),
+        }
         return polars.DataFrame(cells, schema={name: types[kind] for name, kind in columns.items()})
     import pyarrow
 

@@ -105,7 +105,14 @@ def _packed(content: bytes) -> str:
 
 def _script_text(text: str) -> str:
     """A text as a literal of JavaScript in a page."""
-    return '"' + "".join(character if character.isalnum() or character in " ,.-_" else f"\\u{{{ord(character):x}}}" for character in text) + '"'
+    return (
+        '"'
+        + "".join(
+            character if character.isalnum() or character in " ,.-_" else f"\\u{{{ord(character):x}}}"
+            for character in text
+        )
+        + '"'
+    )
 
 
 def overview(run: Run) -> str:
@@ -117,8 +124,11 @@ def overview(run: Run) -> str:
         return f"<p><b>{escape(str(run.path))}</b>: {escape(str(error))}</p>"
     cells = [(title, row[key]) for key, title in OVERVIEW_ROWS.items() if row.get(key) is not None]
     style = "text-align: left"
-    lines = [f'<tr><th style="{style}">{title}</th><td style="{style}">{_cell(value)}</td></tr>' for title, value in cells]
-    table = f'<table><caption style="{style}"><b>{escape(name)}</b><br>{escape(str(run.path))}</caption>{"".join(lines)}</table>'
+    lines = [
+        f'<tr><th style="{style}">{title}</th><td style="{style}">{_cell(value)}</td></tr>' for title, value in cells
+    ]
+    caption = f'<caption style="{style}"><b>{escape(name)}</b><br>{escape(str(run.path))}</caption>'
+    table = f"<table>{caption}{''.join(lines)}</table>"
     return f"<div>{table}{_curve(team_returns(run.path))}</div>"
 
 
@@ -151,7 +161,9 @@ def _curve(values: Sequence[float], width: int = 320, height: int = 80) -> str:
     low, high = min(values), max(values)
     scale = (height - 4) / (high - low or 1.0)
     step = (width - 4) / (len(values) - 1)
-    points = " ".join(f"{2 + number * step:.1f},{height - 2 - (value - low) * scale:.1f}" for number, value in enumerate(values))
+    points = " ".join(
+        f"{2 + number * step:.1f},{height - 2 - (value - low) * scale:.1f}" for number, value in enumerate(values)
+    )
     return (
         f'<figure style="margin: 8px 0"><svg width="{width}" height="{height}" role="img" aria-label="returns">'
         f'<polyline points="{points}" fill="none" stroke="#4477aa" stroke-width="1.5"/></svg>'

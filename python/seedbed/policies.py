@@ -118,7 +118,9 @@ class Policy:
         self.metadata = file.metadata
         self.algorithm, self.task = file.text("algorithm"), file.text("task")
         if "outputs" not in file.metadata:
-            raise RunError(file.path, f"agents of the algorithm {self.algorithm} have no networks, and no policy of a network")
+            raise RunError(
+                file.path, f"agents of the algorithm {self.algorithm} have no networks, and no policy of a network"
+            )
         self.agent = _checked_number("agent", agent, int(file.text("agents")))
         models = int(file.metadata.get("models", "1"))
         self.model = _checked_number("model", agent % models if model is None else model, models)
@@ -228,7 +230,7 @@ class Policy:
         return np.asarray(self.outputs(observations).max(axis=-1))
 
     def outputs(self, observations: ArrayLike) -> Array:
-        """Outputs of the networks, which `heads` describe: `[width]` or `[N, width]` to `[outputs]` or `[N, outputs]`."""
+        """Outputs of the networks, which `heads` describe: `[width]` to `[outputs]`, or `[N, width]` to `[N, outputs]`."""
         scaled = self.scaled(observations)
         total = self.terms[0](scaled)
         for term in self.terms[1:]:
@@ -241,7 +243,9 @@ class Policy:
         if x.ndim not in (1, 2) or x.shape[-1] != len(self.observations):
             names = ", ".join(self.observations[:8]) + (", …" if len(self.observations) > 8 else "")
             width = len(self.observations)
-            raise ValueError(f"observations have the shape {list(x.shape)}, expected [{width}] or [N, {width}]: {names}")
+            raise ValueError(
+                f"observations have the shape {list(x.shape)}, expected [{width}] or [N, {width}]: {names}"
+            )
         if not np.isfinite(x).all():
             raise ValueError("an observation is not finite")
         if self.offset is None or self.scale is None:
@@ -265,14 +269,16 @@ class Policy:
         else:
             columns = list(np.moveaxis(np.asarray(actions), -1, 0))
         pairs = zip(self.heads, columns, strict=True)
-        return np.stack([np.asarray(head.values)[column] if head.is_discrete else column for head, column in pairs], axis=-1)
+        return np.stack(
+            [np.asarray(head.values)[column] if head.is_discrete else column for head, column in pairs], axis=-1
+        )
 
     def to_torch(self) -> PolicyModule:
         """The policy as a PyTorch module, whose parameters can be trained.
 
         Returns:
-            A module that maps observations `[..., width]`, not scaled, to `outputs`, in float32. Its method `act` returns
-            greedy actions.
+            A module that maps observations `[..., width]`, not scaled, to `outputs`, in float32. Its method `act`
+            returns greedy actions.
 
         Raises:
             ImportError: PyTorch is not installed.
@@ -284,8 +290,8 @@ class Policy:
     def to_onnx(self, path: str | os.PathLike[str]) -> Path:
         """Write the policy as an ONNX file: `observation` `[N, width]` to `outputs` `[N, outputs]` and greedy actions.
 
-        Greedy actions are in the form of calls: the output `action`, or with discrete and continuous components one output
-        `action.NAME` for each. The metadata of the file are those of the policy.
+        Greedy actions are in the form of calls: the output `action`, or with discrete and continuous components one
+        output `action.NAME` for each. The metadata of the file are those of the policy.
 
         Args:
             path: The file.
@@ -303,13 +309,15 @@ class Policy:
     def __repr__(self) -> str:
         actions = ", ".join(head.name for head in self.heads)
         owner = f"agent {self.agent}" + (f", model {self.model}" if "models" in self.metadata else "")
-        return f"<policy of {owner} ({self.algorithm}, {self.task}): {len(self.observations)} observations to {actions}>"
+        return (
+            f"<policy of {owner} ({self.algorithm}, {self.task}): {len(self.observations)} observations to {actions}>"
+        )
 
     def _sample(self, head: Head, outputs: Array, rng: np.random.Generator, temperature: float | None) -> NDArray[Any]:
         if head.is_discrete:
             cumulative = np.cumsum(self._softmax(head, outputs, temperature), axis=-1)
             drawn = rng.random(cumulative.shape[:-1])[..., None] * cumulative[..., -1:]
-            return (drawn >= cumulative[..., :-1]).sum(axis=-1)
+            return np.asarray((drawn >= cumulative[..., :-1]).sum(axis=-1))
         mean, deviation = _normal(head, _of(head, outputs))
         spread = np.sqrt(_checked_temperature(temperature, 1.0))
         return _limited(head, mean + spread * deviation * rng.standard_normal(mean.shape))
@@ -317,8 +325,8 @@ class Policy:
     def _softmax(self, head: Head, outputs: Array, temperature: float | None) -> Array:
         if head.kind == "action_values" and temperature is None:
             raise ValueError(
-                f"action values of {self.algorithm} are no probabilities: give a temperature, or act greedily. In training, "
-                f"actions were chosen by {self.metadata.get('action_selection')}"
+                f"action values of {self.algorithm} are no probabilities: give a temperature, or act greedily. "
+                f"In training, actions were chosen by {self.metadata.get('action_selection')}"
             )
         logits = _of(head, outputs) / _checked_temperature(temperature, 1.0)
         exponentials = np.exp(logits - logits.max(axis=-1, keepdims=True))
@@ -334,14 +342,17 @@ class _File:
         if not path.is_file():
             raise RunError(path, "there is no such file; it is written at the end of a run")
         try:
-            self._file = safe_open(path, framework="numpy")
+            file: Any = safe_open(path, framework="numpy")
         except (SafetensorError, OSError) as error:
             raise RunError(path, f"it is damaged: {error}") from error
-        self.names = set(self._file.keys())
-        self.metadata: dict[str, str] = dict(self._file.metadata() or {})
+        self._file = file
+        self.names = set(file.keys())
+        self.metadata: dict[str, str] = dict(file.metadata() or {})
         version = self.text("format_version")
         if version != FORMAT_VERSION:
-            raise RunError(path, f"it has format version {version}, expected {FORMAT_VERSION}: update the package seedbed")
+            raise RunError(
+                path, f"it has format version {version}, expected {FORMAT_VERSION}: update the package seedbed"
+            )
 
     def text(self, key: str) -> str:
         if key not in self.metadata:
@@ -374,13 +385,16 @@ class _File:
         if count == 0:
             raise RunError(self.path, f"it has no tensors of the network {name}")
         return tuple(
-            (self.tensor(f"{name}.layer_{layer}.weight"), self.tensor(f"{name}.layer_{layer}.bias")) for layer in range(count)
+            (self.tensor(f"{name}.layer_{layer}.weight"), self.tensor(f"{name}.layer_{layer}.bias"))
+            for layer in range(count)
         )
 
 
 def _head(fields: dict[str, Any], path: Path) -> Head:
     if fields["kind"] not in KINDS:
-        raise RunError(path, f"the action {fields['name']} is of the unknown kind {fields['kind']}: update the package seedbed")
+        raise RunError(
+            path, f"the action {fields['name']} is of the unknown kind {fields['kind']}: update the package seedbed"
+        )
     known = {key: fields[key] for key in Head.__dataclass_fields__ if key in fields}
     lists = {key: tuple(value) for key, value in known.items() if isinstance(value, list)}
     return Head(**(known | lists))
@@ -448,7 +462,10 @@ def _as_action(heads: list[Head], chosen: list[NDArray[Any]]) -> Any:
     discrete = [head.is_discrete for head in heads]
     pairs = zip(heads, chosen, strict=True)
     # `[()]` makes a number of an array without axes; `Box.contains` expects an array.
-    typed = [np.asarray(values, np.int64)[()] if head.is_discrete else np.asarray(values, np.float32) for head, values in pairs]
+    typed = [
+        np.asarray(values, np.int64)[()] if head.is_discrete else np.asarray(values, np.float32)
+        for head, values in pairs
+    ]
     if len(heads) == 1 and discrete[0]:
         return typed[0]
     if all(discrete) or not any(discrete):

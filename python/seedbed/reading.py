@@ -1,8 +1,8 @@
 """Reading runs: tables, results and policies.
 
-    >>> import seedbed
-    >>> run = seedbed.load("recordings/cartpole")  # doctest: +SKIP
-    >>> run.episodes  # doctest: +SKIP
+>>> import seedbed
+>>> run = seedbed.load("recordings/cartpole")  # doctest: +SKIP
+>>> run.episodes  # doctest: +SKIP
 """
 
 from __future__ import annotations

@@ -22,9 +22,8 @@ class PolicyModule(nn.Module):  # type: ignore[misc, unused-ignore]
         super().__init__()
         self.heads: list[Head] = policy.heads
         self.limit = policy.limit
-        tensor = lambda array: None if array is None else torch.as_tensor(array, dtype=torch.float32)
-        self.register_buffer("offset", tensor(policy.offset))
-        self.register_buffer("scale", tensor(policy.scale))
+        self.register_buffer("offset", _tensor(policy.offset))
+        self.register_buffer("scale", _tensor(policy.scale))
         self.networks = nn.ModuleList([_Network(term) for term in policy.terms])
 
     def forward(self, observations: Any) -> Any:
@@ -65,6 +64,10 @@ class _Network(nn.Module):  # type: ignore[misc, unused-ignore]
                 x = torch.cat([x, inputs], dim=-1)
             x = layer(x)
         return self.factor * x
+
+
+def _tensor(array: Any) -> Any:
+    return None if array is None else torch.as_tensor(array, dtype=torch.float32)
 
 
 def _linear(weight: Any, bias: Any) -> Any:

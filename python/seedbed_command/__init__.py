@@ -66,7 +66,9 @@ def main() -> NoReturn:
 
 def _chosen_program(path: str) -> str:
     if not os.path.isfile(path):
-        raise FileNotFoundError(f"{VARIABLE} is {path}, which is not a file; expected the path of the program `seedbed`")
+        raise FileNotFoundError(
+            f"{VARIABLE} is {path}, which is not a file; expected the path of the program `seedbed`"
+        )
     return os.path.abspath(path)
 
 

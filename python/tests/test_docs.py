@@ -12,10 +12,35 @@ import pytest
 from conftest import REPOSITORY
 
 import seedbed
-from seedbed import environment, making, parallel, recording, registration, seeding, spaces, state_files, vector
+from seedbed import (
+    environment,
+    making,
+    parallel,
+    policies,
+    reading,
+    recording,
+    registration,
+    seeding,
+    spaces,
+    state_files,
+    vector,
+)
 
-PAGES = [REPOSITORY / "docs/python.md", REPOSITORY / "python/README.md"]
-MODULES = [seedbed, environment, making, parallel, recording, registration, seeding, spaces, state_files, vector]
+PAGES = [REPOSITORY / path for path in ("docs/python.md", "docs/own_algorithm_in_python.md", "python/README.md")]
+MODULES = [
+    seedbed,
+    environment,
+    making,
+    parallel,
+    policies,
+    reading,
+    recording,
+    registration,
+    seeding,
+    spaces,
+    state_files,
+    vector,
+]
 
 
 def code_blocks(page: Path) -> list[tuple[int, str]]:

@@ -79,7 +79,9 @@ def test_the_command_is_the_program(installed: Path, tmp_path: Path):
     other = call(installed / "seedbed", "a b", cwd=tmp_path, SEEDBED_PROGRAM=str(chosen))
     assert (other.stdout, other.returncode) == ("chosen: a b\n", 5)
     missing = call(installed / "seedbed", cwd=tmp_path, SEEDBED_PROGRAM="nothing")
-    assert missing.returncode == 2 and missing.stderr.startswith("error: SEEDBED_PROGRAM is nothing, which is not a file")
+    assert missing.returncode == 2 and missing.stderr.startswith(
+        "error: SEEDBED_PROGRAM is nothing, which is not a file"
+    )
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals")

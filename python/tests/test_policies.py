@@ -88,7 +88,12 @@ def test_greedy_actions_are_those_of_the_program(run: seedbed.Run, replays: dict
             actions = policy.in_units(policy(episode[policy.observations].to_numpy()))
             expected = own_actions(policy, episode)
             # Continuous actions are recorded before they are limited.
-            ends = np.array([[h.center - h.half_range, h.center + h.half_range] if not h.is_discrete else [-1e9, 1e9] for h in policy.heads])
+            ends = np.array(
+                [
+                    [h.center - h.half_range, h.center + h.half_range] if not h.is_discrete else [-1e9, 1e9]
+                    for h in policy.heads
+                ]
+            )
             expected = np.clip(expected, ends[:, 0], ends[:, 1])
             differences.append(np.abs(actions - expected).max())
         assert min(differences) < 1e-5, f"agent {agent}: {min(differences)}"
@@ -123,7 +128,9 @@ def test_probabilities_are_those_of_the_reference(run: seedbed.Run, replays: dic
                 computed += np.log(table[np.arange(len(index)), index])
             else:
                 mean, deviation = (part[:, continuous.index(head)] for part in policy.normal(observations))
-                computed += -0.5 * ((actions[:, column] - mean) / deviation) ** 2 - np.log(deviation * np.sqrt(2 * np.pi))
+                computed += -0.5 * ((actions[:, column] - mean) / deviation) ** 2 - np.log(
+                    deviation * np.sqrt(2 * np.pi)
+                )
         np.testing.assert_allclose(computed, expected, rtol=1e-9, atol=1e-9)
 
 
@@ -267,7 +274,9 @@ def test_trained_policies_balance_poles_here_and_in_gymnasium(cartpole_run: Path
 
 
 def test_models_are_chosen(train: Train):
-    run = seedbed.load(train("deep_sea_bootstrapped_dqn", "agents.count=2", "stop=Episodes(2)", options=("--no-recording",)))
+    run = seedbed.load(
+        train("deep_sea_bootstrapped_dqn", "agents.count=2", "stop=Episodes(2)", options=("--no-recording",))
+    )
     one, other = run.policy(1), run.policy(1, model=7)
     assert (one.model, other.model) == (1, 7)
     state = np.eye(len(one.observations))[0]
@@ -319,16 +328,25 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "missing": (Path.unlink, "there is no such file"),
     "cut": (lambda path: path.write_bytes(path.read_bytes()[:-100]), "it is damaged: "),
     "empty": (lambda path: path.write_bytes(b""), "it is damaged: "),
-    "version": (lambda path: change_metadata(path, lambda m: m.update(format_version="2")), "format version 2, expected 1"),
+    "version": (
+        lambda path: change_metadata(path, lambda m: m.update(format_version="2")),
+        "format version 2, expected 1",
+    ),
     "metadata": (lambda path: change_metadata(path, lambda m: m.pop("heads")), "its metadata have no heads"),
-    "JSON": (lambda path: change_metadata(path, lambda m: m.update(heads="[")), "`heads` of its metadata is no valid JSON"),
+    "JSON": (
+        lambda path: change_metadata(path, lambda m: m.update(heads="[")),
+        "`heads` of its metadata is no valid JSON",
+    ),
     "kind": (
         lambda path: change_metadata(path, lambda m: m.update(heads=m["heads"].replace("categorical", "beta"))),
         "of the unknown kind beta",
     ),
     "tensor": (lambda path: change_tensors(path, lambda t: t.pop(BIAS)), f"it has no tensor {BIAS}"),
     "number": (lambda path: change_tensors(path, lambda t: t[BIAS].fill(np.nan)), "is not finite"),
-    "shape": (lambda path: change_tensors(path, lambda t: t.update({WEIGHT: t[WEIGHT][:5].copy()})), "shapes of its tensors do not fit"),
+    "shape": (
+        lambda path: change_tensors(path, lambda t: t.update({WEIGHT: t[WEIGHT][:5].copy()})),
+        "shapes of its tensors do not fit",
+    ),
     "outputs": (
         lambda path: change_metadata(path, lambda m: m.update(heads=m["heads"].replace('"outputs":2', '"outputs":3'))),
         "its networks have 2 outputs, expected 3",

@@ -50,7 +50,9 @@ def test_tables_are_those_of_the_files(cartpole_run: Path, frames: Any):
         for column in set(columns) - {"outcome"}:
             np.testing.assert_allclose(np.array(table[column], float), as_numbers(expected, column), rtol=1e-6)
     outcomes = run.episodes["outcome"]
-    assert list(outcomes.to_pylist() if frames == "arrow" else outcomes) == [row["outcome"] for row in rows(cartpole_run / "episodes.csv")]
+    assert list(outcomes.to_pylist() if frames == "arrow" else outcomes) == [
+        row["outcome"] for row in rows(cartpole_run / "episodes.csv")
+    ]
 
 
 def test_states_have_the_lengths_and_returns_of_their_episodes(cartpole_run: Path):
@@ -121,7 +123,9 @@ def test_runs_are_listed(cartpole_run: Path, run_copy: Path, tmp_path: Path):
     assert isinstance(frame, polars.DataFrame)
     by_name = {Path(row["path"]).name: row for row in frame.to_dicts()}
     assert {name: row["state"] for name, row in by_name.items()} == {
-        "copy": "finished", "unfinished": "unfinished", "broken": "unreadable",
+        "copy": "finished",
+        "unfinished": "unfinished",
+        "broken": "unreadable",
     }
     summary = json.loads((cartpole_run / "summary.json").read_text())
     finished = by_name["copy"]
@@ -154,7 +158,9 @@ def test_a_run_in_progress_is_read_as_far_as_it_is_written(run_copy: Path):
     assert len(run.episodes) == 100, "an incomplete line is not read"
     with pytest.raises(seedbed.RunError, match=r"summary\.json: there is no such file: the run is in progress"):
         _ = run.summary
-    with pytest.raises(seedbed.RunError, match=r"policies\.safetensors: there is no such file; it is written at the end"):
+    with pytest.raises(
+        seedbed.RunError, match=r"policies\.safetensors: there is no such file; it is written at the end"
+    ):
         run.policy(0)
     # It goes on, and the tables follow.
     (run_copy / "run.rrd.part").write_bytes(content)
