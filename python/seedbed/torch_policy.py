@@ -72,7 +72,8 @@ def _tensor(array: Any) -> Any:
 
 def _linear(weight: Any, bias: Any) -> Any:
     # Without random initial weights, which would advance PyTorch's generator.
-    layer = nn.utils.skip_init(nn.Linear, *weight.shape)
+    skip_init: Any = nn.utils.skip_init  # has no types
+    layer = skip_init(nn.Linear, *weight.shape)
     with torch.no_grad():
         layer.weight.copy_(torch.as_tensor(weight.T.copy()))
         layer.bias.copy_(torch.as_tensor(bias))
