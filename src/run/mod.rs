@@ -10,6 +10,7 @@
 mod agreement;
 mod asynchronous;
 pub mod checkpoint;
+mod checkpoint_schedule;
 mod episode_slots;
 pub mod evaluate;
 pub mod file_lock;
@@ -32,8 +33,10 @@ pub mod weights;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 use self::checkpoint::{Checkpoint, CheckpointError, CheckpointWriter};
+use self::checkpoint_schedule::CheckpointSchedule;
 use self::folder::RunFolder;
 use self::round_recorder::{CheckpointKind, Recorders, RoundRecorder};
 use self::summary::{FINAL_WINDOW, Summary};
@@ -210,6 +213,7 @@ pub fn execute(
         (recorders, CheckpointWriter::new(options.folder.path()))
     };
     let mut recorder = RoundRecorder::new(recorders, trainer.agent_count(), options.threads);
+    let mut checkpoint_schedule = CheckpointSchedule::of(&plan.scenario);
     observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
         let round = trainer.advance()?;
@@ -217,17 +221,15 @@ pub fn execute(
         report_warnings(&mut recorder, observer);
         observer.round_finished(&progress(plan, &trainer));
         let is_interrupted = interrupted.load(Ordering::Relaxed) && !trainer.is_done();
-        if is_interrupted
-            || trainer
-                .rounds()
-                .is_multiple_of(plan.scenario.checkpoint_every.get())
-        {
+        if is_interrupted || checkpoint_schedule.is_due(trainer.rounds()) {
+            let start = Instant::now();
             let kind = if is_interrupted {
                 CheckpointKind::AtEnd
             } else {
                 CheckpointKind::Meanwhile
             };
             write_checkpoint(&mut checkpoints, &trainer, &mut recorder, kind)?;
+            checkpoint_schedule.written(start);
         }
         if is_interrupted {
             return Ok(RunOutcome::Interrupted {

@@ -10,7 +10,7 @@ use crate::record::{
 use crate::scenario::{Scenario, Schedule, Stop};
 use seedbed_env::Physics;
 use seedbed_env::TaskDescription;
-use seedbed_env::input::numbers::{Count, ranged_count};
+use seedbed_env::input::numbers::{Count, ranged_count, ranged_number};
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::Algorithm;
 
@@ -81,6 +81,7 @@ fn preview_scenario(
             ..Default::default()
         },
         checkpoint_every: episodes,
+        checkpoint_share: ranged_number(1.0),
         seed: run_seed,
     }
 }

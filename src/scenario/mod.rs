@@ -14,7 +14,9 @@ use serde::{Deserialize, Serialize};
 use crate::input_files::{self, Directory};
 use crate::record::RecordingSettings;
 use seedbed_env::input::edit::to_ron_string;
-use seedbed_env::input::numbers::{Count, FiniteNumber, ranged_count};
+use seedbed_env::input::numbers::{
+    Count, FiniteNumber, PositiveFraction, ranged_count, ranged_number,
+};
 use seedbed_env::input::{Document, InputError, Located, ValidationError};
 use seedbed_env::{Physics, TaskSpec};
 use seedbed_learn::agent::TeamConfig;
@@ -51,6 +53,9 @@ pub struct Scenario {
     /// Number of rounds between two checkpoints.
     #[serde(default = "default_checkpoint_every")]
     pub checkpoint_every: Count,
+    /// Largest share of the time that checkpoints may take; those that would take more are left out.
+    #[serde(default = "default_checkpoint_share")]
+    pub checkpoint_share: PositiveFraction,
     /// Run seed, from which all random numbers are derived.
     #[serde(default)]
     pub seed: u64,
@@ -194,7 +199,11 @@ fn default_algorithm() -> Located<Algorithm> {
 }
 
 fn default_checkpoint_every() -> Count {
-    ranged_count(25)
+    ranged_count(1)
+}
+
+fn default_checkpoint_share() -> PositiveFraction {
+    ranged_number(0.01)
 }
 
 fn default_window() -> Located<Count> {
@@ -255,6 +264,7 @@ impl Scenario {
             stop: Stop::default(),
             recording: RecordingSettings::default(),
             checkpoint_every: default_checkpoint_every(),
+            checkpoint_share: default_checkpoint_share(),
             seed: 0,
         }
     }

@@ -202,6 +202,8 @@ fn assert_resumed_run_gives_the_same_bits(extra_arguments: &[&str]) {
             "stop=Episodes(120)",
             "--set",
             "checkpoint_every=20",
+            "--set",
+            "checkpoint_share=1",
         ],
         extra_arguments,
     ]
@@ -228,7 +230,13 @@ fn a_damaged_replay_file_is_refused() {
     let arguments = [
         &SHORT_RUN[..],
         &ENSEMBLE_OVERRIDES,
-        &["--no-recording", "--set", "checkpoint_every=5"],
+        &[
+            "--no-recording",
+            "--set",
+            "checkpoint_every=5",
+            "--set",
+            "checkpoint_share=1",
+        ],
     ]
     .concat();
     crash(quiet_run_command(
@@ -261,7 +269,13 @@ fn a_damaged_replay_file_is_refused() {
 #[test]
 fn resume_refuses_another_scenario_and_an_earlier_end() {
     let (_temporary, folder, _) = two_run_folders();
-    let common = ["--no-recording", "--set", "checkpoint_every=5"];
+    let common = [
+        "--no-recording",
+        "--set",
+        "checkpoint_every=5",
+        "--set",
+        "checkpoint_share=1",
+    ];
     let aborted = ["--set", "stop=Episodes(30)", "--abort-after-rounds", "12"];
     crash(quiet_run_command(
         &folder,

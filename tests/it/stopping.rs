@@ -165,7 +165,11 @@ fn damaged_checkpoints_are_refused() {
     let child = start(
         run_command(
             &path,
-            &[&RUN[..4], &["--set", "checkpoint_every=2"]].concat(),
+            &[
+                &RUN[..4],
+                &["--set", "checkpoint_every=2", "--set", "checkpoint_share=1"],
+            ]
+            .concat(),
         ),
         &path,
     );
@@ -176,7 +180,17 @@ fn damaged_checkpoints_are_refused() {
     let state = path.join("checkpoint/state.bin");
     let intact = fs::read(&state).unwrap();
     let resume = || {
-        let arguments = [&RUN[..4], &["--set", "checkpoint_every=2", "--resume"]].concat();
+        let arguments = [
+            &RUN[..4],
+            &[
+                "--set",
+                "checkpoint_every=2",
+                "--set",
+                "checkpoint_share=1",
+                "--resume",
+            ],
+        ]
+        .concat();
         run_command(&path, &arguments).output().unwrap()
     };
     for position in (0..intact.len()).step_by(intact.len() / 12) {

@@ -18,7 +18,7 @@ use crate::study::measure::{Measure, Needs};
 use crate::study::run_result::{Reservoir, RunResult};
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::ranged_count;
+use seedbed_env::input::numbers::{ranged_count, ranged_number};
 
 impl Experiment for Plan {
     fn name(&self) -> &str {
@@ -63,7 +63,7 @@ impl Experiment for Plan {
     fn digest(&self) -> String {
         let scenario = with_defaults_except_for_learning(self.scenario.clone(), 0);
         let mut hash = Xxh64::new(0);
-        hash.update(text_without_window(&scenario).as_bytes());
+        hash.update(text_for_digest(&scenario).as_bytes());
         hash.update(&[0]);
         hash.update(self.environment_text.as_bytes());
         format!("{:016x}", hash.digest())
@@ -252,15 +252,20 @@ fn with_defaults_except_for_learning(mut scenario: Scenario, run_seed: u64) -> S
         ..RecordingSettings::default()
     };
     scenario.checkpoint_every = ranged_count(1);
+    scenario.checkpoint_share = ranged_number(1.0);
     scenario.seed = run_seed;
     scenario
 }
 
-/// The resolved scenario without `recording.window`. This field did not exist when the first
-/// studies were stored, and their digests must not change.
-fn text_without_window(scenario: &Scenario) -> String {
+/// The resolved scenario without `recording.window` and `checkpoint_share`. These fields did not exist
+/// when the first studies were stored, and their digests must not change.
+fn text_for_digest(scenario: &Scenario) -> String {
     let window = format!("        window: {},\n", scenario.recording.window.get());
-    let text = scenario.resolved();
+    let share = format!(
+        "\n    checkpoint_share: {:?},",
+        scenario.checkpoint_share.get()
+    );
+    let text = scenario.resolved().replacen(&share, "", 1);
     match text.split_once("\n    recording: (\n") {
         Some((text_before, text_after)) => format!(
             "{text_before}\n    recording: (\n{}",
@@ -360,7 +365,10 @@ mod tests {
     #[test]
     fn the_digest_does_not_depend_on_recording_settings() {
         assert_eq!(digest(&[]), "a1fe47a3d0b7cec6");
-        assert_eq!(digest(&["seed=7", "checkpoint_every=3"]), digest(&[]));
+        assert_eq!(
+            digest(&["seed=7", "checkpoint_every=3", "checkpoint_share=0.5"]),
+            digest(&[])
+        );
         assert_eq!(
             digest(&[
                 "recording.window=7",

@@ -49,6 +49,8 @@ fn recordings_of_short_episodes_take_few_bytes_per_state() {
         "algorithm=Random",
         "stop=Episodes(300)",
         "checkpoint_every=25",
+        "--set",
+        "checkpoint_share=1",
     ];
     let folder = tempfile::tempdir().unwrap();
     let contents = run_and_read_recording(&load_plan(&overrides), folder.path(), 2);
