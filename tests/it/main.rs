@@ -4,6 +4,7 @@
 
 mod architecture;
 mod cli;
+mod damaged_files;
 mod determinism;
 #[cfg(unix)]
 mod docs;
