@@ -9,6 +9,8 @@ mod determinism;
 #[cfg(unix)]
 mod docs;
 mod external;
+#[cfg(target_os = "linux")]
+mod failing_calls;
 mod learning;
 mod messages;
 mod published;
