@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from safetensors import SafetensorError, safe_open
 
+from .checksums import verify
 from .errors import RunError
 
 if TYPE_CHECKING:
@@ -341,6 +342,7 @@ class _File:
         self.numbers: dict[str, int] = {}
         if not path.is_file():
             raise RunError(path, "there is no such file; it is written at the end of a run")
+        verify(path)
         try:
             file: Any = safe_open(path, framework="numpy")
         except (SafetensorError, OSError) as error:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import exports, pages, programs
 from ._native import Task
+from .checksums import verify
 from .errors import RunError
 from .exports import Content
 from .frames import Frames, choose, from_rows, read_parquet
@@ -174,9 +175,11 @@ class Run:
         """Text of the scenario, with all defaults written out.
 
         Raises:
-            RunError: The file is missing or no text.
+            RunError: The file is missing, damaged or no text.
         """
-        return _text(self._folder("scenario") / SCENARIO)
+        path = self._folder("scenario") / SCENARIO
+        verify(path)
+        return _text(path)
 
     @property
     def task(self) -> Task:
@@ -325,6 +328,7 @@ class Run:
         path = self._folder("summary") / SUMMARY
         if not path.is_file():
             return None
+        verify(path)
         try:
             found = json.loads(_text(path))
         except json.JSONDecodeError as error:

@@ -141,10 +141,17 @@ def test_runs_are_listed(cartpole_run: Path, run_copy: Path, tmp_path: Path):
         seedbed.runs(tmp_path / "nowhere")
 
 
+def as_of_a_run_in_progress(run: Path) -> None:
+    """Removes the summary, the checksums and the checkpoint, which say what was written."""
+    for name in ("summary.json", "SHA256SUMS"):
+        (run / name).unlink()
+    shutil.rmtree(run / "checkpoint")
+
+
 def test_a_run_in_progress_is_read_as_far_as_it_is_written(run_copy: Path):
     complete = seedbed.load(run_copy)
     states, episodes = len(complete.states), len(complete.episodes)
-    (run_copy / "summary.json").unlink()
+    as_of_a_run_in_progress(run_copy)
     (run_copy / "policies.safetensors").unlink()
     content = (run_copy / "run.rrd").read_bytes()
     (run_copy / "run.rrd").unlink()
@@ -193,6 +200,7 @@ def test_damaged_tables_of_a_finished_run_are_errors(run_copy: Path, file: str, 
 @pytest.mark.parametrize("last", [1, 3])
 @pytest.mark.parametrize("table", ["episodes", "rounds"])
 def test_a_finished_table_without_its_last_lines_is_an_error(run_copy: Path, table: str, last: int):
+    (run_copy / "SHA256SUMS").unlink()  # as of an earlier version
     path = run_copy / f"{table}.csv"
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:-last]))
     with pytest.raises(seedbed.RunError, match=rf"{table}\.csv: it has {800 - last} rows, expected 800"):
@@ -210,6 +218,18 @@ def test_a_damaged_summary_is_an_error(run_copy: Path, text: str):
     assert "summary.json" in run._repr_html_()
 
 
+@pytest.mark.parametrize("file", ["summary.json", "scenario.ron", "policies.safetensors", "SHA256SUMS"])
+def test_a_flipped_bit_is_an_error(run_copy: Path, file: str):
+    content = bytearray((run_copy / file).read_bytes())
+    for offset in range(0, len(content), len(content) // 20):
+        damaged = bytearray(content)
+        damaged[offset] ^= 1 << offset % 8
+        (run_copy / file).write_bytes(damaged)
+        run = seedbed.load(run_copy)
+        with pytest.raises(seedbed.RunError, match=file):
+            _ = run.summary, run.scenario, run.policy(0)
+
+
 def test_tables_are_exported_once_and_again_after_a_change(run_copy: Path, cache_folder: Path):
     run = seedbed.load(run_copy)
     first = run.parquet("episodes")
@@ -219,6 +239,7 @@ def test_tables_are_exported_once_and_again_after_a_change(run_copy: Path, cache
     assert seedbed.load(run_copy).parquet("episodes") == first and first.stat().st_mtime_ns == written
     path = run_copy / "episodes.csv"
     lines = path.read_text().splitlines(keepends=True)
+    (run_copy / "SHA256SUMS").unlink()
     path.write_text(lines[0] + lines[1].replace(",terminated,", ",truncated,") + "".join(lines[2:]))
     assert lines[1].count("terminated") == 1
     assert run.episodes["outcome"][0] == "truncated"

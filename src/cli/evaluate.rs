@@ -1,6 +1,6 @@
 //! `seedbed evaluate`.
 
-use super::{ActionsArg, CliError, EvaluateArgs, PlayArgs};
+use super::{ActionsArg, CliError, EvaluateArgs, PlayArgs, warn_if_unverified};
 use seedbed::run::evaluate::{self, EvaluationSettings};
 use seedbed::run::folder::run_folder;
 use seedbed_env::input::numbers::Positive;
@@ -8,7 +8,9 @@ use seedbed_learn::agent::policy::ActionSelection;
 
 pub(super) fn evaluate(args: &EvaluateArgs) -> Result<(), CliError> {
     let settings = evaluation_settings(args.episodes, &args.play)?;
-    let (plan, episodes) = evaluate::evaluate(&run_folder(&args.run), &settings)?;
+    let folder = run_folder(&args.run);
+    warn_if_unverified(&folder)?;
+    let (plan, episodes) = evaluate::evaluate(&folder, &settings)?;
     let (task, count) = (&plan.description.spec().name, args.episodes);
     say!(
         "{task}: {count} episode{} per agent, {}\n",

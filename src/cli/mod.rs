@@ -47,6 +47,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use seedbed::record::LiveError;
 use seedbed::record::recording::DEFAULT_VIEWER;
 use seedbed::run::RunError;
+use seedbed::run::checksums::Checksums;
+use seedbed::run::folder::RunFolder;
 use seedbed::run::review::{LoadRunError, LoadedRun};
 use seedbed::study::experiment::LoadError;
 use seedbed::text::pluralize;
@@ -195,7 +197,7 @@ struct RunArgs {
     /// Replace one value of the scenario, e.g. agents.count=16; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,
-    /// Do not write run.rrd
+    /// Do not write run.rrd; with --resume, continue the run without its recording
     #[arg(long)]
     no_recording: bool,
     /// Also save reward seeds and initial parameters in policies.safetensors; repeat it with --resume
@@ -362,7 +364,7 @@ struct StudyArgs {
     /// Use the study's `quick` settings, in a separate directory
     #[arg(long)]
     quick: bool,
-    /// List all runs with their indices and states (finished, failed, to run), and run nothing
+    /// List all runs with their indices and states (finished, failed, damaged, to run), and run nothing
     #[arg(long)]
     list: bool,
     /// Execute only the run with this index, without a report; safe to use from many processes at
@@ -541,7 +543,7 @@ impl From<LoadRunError> for CliError {
 /// Opens a run, and prints what is incomplete in its files.
 fn open_run(path: &Path) -> Result<LoadedRun, CliError> {
     let run = LoadedRun::open(path)?;
-    for warning in run.warnings() {
+    for warning in &run.warnings {
         note!("warning: {warning}");
     }
     Ok(run)
@@ -553,6 +555,15 @@ fn warning_without_locks(folder: &Path) -> String {
         "warning: the file system of {} has no locks; let no other process write to this directory",
         folder.display()
     )
+}
+
+/// Warns if the files of the run in a folder cannot be verified.
+fn warn_if_unverified(folder: &RunFolder) -> Result<(), CliError> {
+    let checksums = Checksums::read(folder).map_err(RunError::from)?;
+    if let Some(warning) = checksums.warning() {
+        note!("warning: {warning}");
+    }
+    Ok(())
 }
 
 fn say_line(line: std::fmt::Arguments<'_>) {
@@ -607,7 +618,9 @@ impl From<LiveError> for CliError {
 impl From<RunError> for CliError {
     fn from(error: RunError) -> Self {
         match error {
-            RunError::Input(_) | RunError::CannotResume(_) => Self::Usage(error.to_string()),
+            RunError::Input(_) | RunError::Damaged(_) | RunError::CannotResume(_) => {
+                Self::Usage(error.to_string())
+            }
             RunError::Record(_)
             | RunError::Checkpoint(_)
             | RunError::File { .. }

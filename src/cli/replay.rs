@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use super::evaluate::{EpisodeResult, describe_actions, evaluation_settings, print_table};
 use super::progress::episode_bar;
 use super::run::recorder_factory_at;
-use super::{CliError, ReplayArgs, pluralize};
+use super::{CliError, ReplayArgs, pluralize, warn_if_unverified};
 use seedbed::run::folder::{RunFolder, run_folder};
 use seedbed::run::replay::{self, ReplaySettings};
 
 pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
     let folder = run_folder(&args.run);
     let path = output_path(args, &folder)?;
+    warn_if_unverified(&folder)?;
     let evaluation = evaluation_settings(args.episodes, &args.play)?;
     let settings = ReplaySettings {
         evaluation,

@@ -62,6 +62,7 @@ fn write_error(folder: &Path, error: &io::Error) -> CliError {
 /// number of failed runs.
 pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
     let results = read(folder)?;
+    warn_if_unverified(folder)?;
     let claim_results = claims::evaluate(&results);
     let report_path = report::write(&results, &claim_results, folder.path())
         .map_err(|error| write_error(folder.path(), &error))?;
@@ -71,6 +72,18 @@ pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
     refuse_if_broken(&results)?;
     let [_, failed, _] = results.run_counts();
     Ok(failed)
+}
+
+/// Warns if the description of the study has no checksum.
+fn warn_if_unverified(folder: &StudyFolder) -> Result<(), CliError> {
+    let is_verified = folder.manifest_has_checksum();
+    if !is_verified.map_err(|error| CliError::Usage(error.to_string()))? {
+        note!(
+            "warning: {} has no checksum and cannot be verified; `seedbed study` writes it again",
+            folder.path().join("study.json").display()
+        );
+    }
+    Ok(())
 }
 
 /// Prints the numbers of runs, the registration, warnings and the verdicts.
@@ -116,9 +129,10 @@ pub(super) fn all_claims_are_decided(folder: &StudyFolder) -> Result<bool, CliEr
 
 fn read(folder: &StudyFolder) -> Result<Results, CliError> {
     Results::read(folder).map_err(|error| match error {
-        ResultsError::Folder(_) | ResultsError::Study(_) | ResultsError::Table { .. } => {
-            CliError::Usage(error.to_string())
-        }
+        ResultsError::Folder(_)
+        | ResultsError::Study(_)
+        | ResultsError::Run { .. }
+        | ResultsError::Table { .. } => CliError::Usage(error.to_string()),
     })
 }
 

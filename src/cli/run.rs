@@ -8,8 +8,8 @@ use super::memory;
 use super::progress::{AbortAfter, NoProgress, RunProgress};
 use super::{CliError, RunArgs, pluralize, warning_without_locks};
 use seedbed::input_files::{self, Directory};
-use seedbed::record::RecorderFactory;
 use seedbed::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
+use seedbed::record::{Attempt, RecorderFactory};
 use seedbed::run::file_lock::FileLock;
 use seedbed::run::folder::{Contents, RunFolder};
 use seedbed::run::{Observer, Options, RunError};
@@ -56,8 +56,9 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
             &options.folder,
         )),
         RunEnding::Finished(report) => {
-            lock.remove()
-                .map_err(|error| CliError::Runtime(error.to_string()))?;
+            lock.remove().map_err(|error| {
+                CliError::Runtime(format!("the run is finished, but seedbed {error}"))
+            })?;
             if !args.quiet {
                 let seconds = started.elapsed().as_secs_f64();
                 print_report(args, &*experiment, &report, &options, seconds);
@@ -80,15 +81,15 @@ fn check_save_initial(args: &RunArgs, experiment: &dyn Experiment) -> Result<(),
 }
 
 /// Factory of the recorder that writes the recording; `None` if the user or the build excludes
-/// recordings. A resumed run always gets the factory, because it continues with the recorders with
-/// which it began.
+/// recordings. A resumed run gets the factory in all builds, because it continues with the recorders
+/// with which it began.
 fn run_recorder_factory(
     args: &RunArgs,
     folder: &RunFolder,
     live: Option<LiveTarget>,
 ) -> Option<Box<dyn RecorderFactory>> {
     let path = folder.recording_file();
-    let is_recorded = args.resume || (recording::AVAILABLE && !args.no_recording);
+    let is_recorded = !args.no_recording && (args.resume || recording::AVAILABLE);
     is_recorded.then(|| Box::new(RecordingFile { path, live }) as Box<dyn RecorderFactory>)
 }
 
@@ -153,14 +154,24 @@ fn interruption_error(
     })
 }
 
-/// The error. If a file could not be written and the run has a checkpoint, the message includes the
-/// command that resumes from it.
+/// The error. If the recording of the run to resume is lost or damaged, the message includes the
+/// command that continues without it. If a file could not be written and the run has a checkpoint,
+/// the message includes the command that resumes from it.
 fn with_resume_hint(error: RunError, args: &RunArgs, folder: &RunFolder) -> CliError {
     let is_write_error = matches!(
         error,
         RunError::Record(_) | RunError::Checkpoint(_) | RunError::File { .. }
     );
+    let is_recording_lost = matches!(
+        &error,
+        RunError::Record(record) if record.attempt == Attempt::Resume
+            && record.path == folder.unfinished_recording_file()
+    );
     match CliError::from(error) {
+        CliError::Runtime(message) if is_recording_lost => CliError::Runtime(format!(
+            "{message}\nthe checkpoint is intact; continue the run without its recording with\n  {}",
+            command_without_recording()
+        )),
         CliError::Runtime(message)
             if is_write_error && !args.resume && folder.contents() == Contents::UnfinishedRun =>
         {
@@ -189,6 +200,15 @@ fn resume_command(args: &RunArgs, folder: &RunFolder) -> String {
     if !args.resume {
         words.push("--resume".to_owned());
     }
+    words.join(" ")
+}
+
+/// The command line of this process, without a recording.
+fn command_without_recording() -> String {
+    let is_live = |word: &String| word.starts_with("--live") || word.starts_with("--serve");
+    let words = std::env::args().filter(|word| !is_live(word));
+    let words = words.chain(["--no-recording".to_owned()]);
+    let words: Vec<String> = words.map(|word| shell_word(&word).into_owned()).collect();
     words.join(" ")
 }
 

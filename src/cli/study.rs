@@ -1,6 +1,6 @@
 //! `seedbed study`: runs what is missing in a study, and prints the verdicts on its claims.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -197,7 +197,8 @@ fn check_distinct_folders(plans: &[StudyPlan]) -> Result<(), CliError> {
 /// An error if the directory belongs to another study, or to this study with another value of
 /// `--quick`.
 fn check_same_study(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
-    let Ok(manifest) = folder.manifest() else {
+    let manifest = folder.manifest_if_any();
+    let Some(manifest) = manifest.map_err(|error| CliError::Usage(error.to_string()))? else {
         return Ok(());
     };
     let is_same = (manifest.name.as_str(), manifest.quick) == (plan.name.as_str(), plan.quick);
@@ -230,6 +231,7 @@ fn print_runs(plan: &StudyPlan, folder: &StudyFolder) -> usize {
         let state = match folder.stored_run(&run).map(|stored| stored.outcome) {
             Some(Ok(_)) => "finished",
             Some(Err(_)) => "failed",
+            None if damaged_file(&run, folder).is_some() => "damaged",
             None => "to run",
         };
         say!(
@@ -240,6 +242,18 @@ fn print_runs(plan: &StudyPlan, folder: &StudyFolder) -> usize {
         );
     }
     0
+}
+
+/// Path of the result file of a run, if it is damaged, was edited or has another layout.
+fn damaged_file(run: &PlannedRun<'_>, folder: &StudyFolder) -> Option<PathBuf> {
+    folder.damaged_file(&run.cell.digest, run.run_seed)
+}
+
+fn damage_message(path: &Path) -> String {
+    format!(
+        "{} is damaged, was changed, or is of another version of seedbed",
+        path.display()
+    )
 }
 
 /// Executes a single run; other processes may work in the same directory. Returns the number of
@@ -333,6 +347,9 @@ fn run_missing(
         pluralize(plan.cells.len(), "cell"),
         pluralize(runs_per_cell as usize, "run"),
     );
+    for path in missing.iter().filter_map(|run| damaged_file(run, folder)) {
+        note!("warning: {}: its run is repeated", damage_message(&path));
+    }
     let to_read = missing.iter().filter(|run| run.name.is_some()).count();
     let to_run = missing.len() - to_read;
     if plan
@@ -388,8 +405,11 @@ fn verify(
     max_runs: usize,
 ) -> Result<usize, CliError> {
     check_same_study(plan, folder)?;
-    let stored: Vec<PlannedRun<'_>> = plan
-        .distinct_runs()
+    let runs = plan.distinct_runs();
+    if let Some(path) = runs.iter().find_map(|run| damaged_file(run, folder)) {
+        return Err(CliError::Usage(damage_message(&path)));
+    }
+    let stored: Vec<PlannedRun<'_>> = runs
         .into_iter()
         .filter(|run| folder.stored_run(run).is_some())
         .collect();

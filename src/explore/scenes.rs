@@ -60,7 +60,7 @@ impl Filmed {
         if recording.state_files().is_some() {
             return Ok(None); // there is no task whose bodies could be drawn
         }
-        let plan = Plan::load(&folder.scenario_file(), &[])?;
+        let plan = Plan::of_run(folder)?;
         let environment = seedbed_env::build(&plan.description, plan.scenario.physics, 1)?;
         let (Some(scene), Some(settings)) = (environment.scene(), &plan.scenario.recording.scene)
         else {

@@ -136,9 +136,7 @@ impl Film {
             });
         }
         let has_scenario = recording.state_files().is_none();
-        let plan = has_scenario
-            .then(|| Plan::load(&folder.scenario_file(), &[]))
-            .transpose()?;
+        let plan = has_scenario.then(|| Plan::of_run(folder)).transpose()?;
         let filmed = Filmed {
             title: run.name(),
             recording,

@@ -23,6 +23,7 @@ mod settings;
 pub mod state_files;
 pub mod table;
 pub mod visitation;
+pub mod written;
 
 use std::path::PathBuf;
 
@@ -32,6 +33,7 @@ use serde::{Deserialize, Serialize};
 /// module has the same interface, and its calls return errors.
 #[cfg(feature = "rerun")]
 pub use self::rerun as recording;
+use self::written::WrittenFile;
 pub use bonus::BonusRange;
 pub use live_error::LiveError;
 pub use metrics::RoundRow;
@@ -69,6 +71,12 @@ pub trait Recorder: Send {
     /// # Errors
     /// The file could not be written.
     fn checkpoint(&mut self) -> Result<Vec<u8>, RecordError>;
+
+    /// The files with what was written of them at the latest [`checkpoint`](Self::checkpoint), so
+    /// that damage to it is noticed.
+    fn written_files(&self) -> Vec<WrittenFile> {
+        Vec::new()
+    }
 
     /// Completes the file. Nothing may be recorded afterwards.
     ///

@@ -1,13 +1,13 @@
 //! The tables `episodes.csv` and `rounds.csv`. [`TableRecorder`] writes them, [`read`] reads them.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh64::Xxh64;
 
+use super::written::{Written, WrittenFile, WrittenHash};
 use super::{
     Attempt, RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord, RunInfo,
 };
@@ -86,6 +86,11 @@ impl Recorder for TableRecorder {
         Ok(postcard::to_stdvec(&written).expect("numbers can always be serialized"))
     }
 
+    fn written_files(&self) -> Vec<WrittenFile> {
+        let tables = [&self.episodes, &self.rounds];
+        tables.map(Table::written_file).into()
+    }
+
     fn finish(&mut self) -> Result<(), RecordError> {
         self.episodes.sync()?;
         self.rounds.sync().map(|_| ())
@@ -132,15 +137,6 @@ pub fn read_complete_rows(path: &Path) -> Result<String, TableError> {
     let mut text = text?;
     text.truncate(text.rfind('\n').map_or(0, |end| end + 1));
     Ok(text)
-}
-
-/// How much of a table was written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-struct Written {
-    /// Length in bytes.
-    length: u64,
-    /// XXH64 of these bytes; 0 if there are none.
-    hash: u64,
 }
 
 struct Table {
@@ -190,7 +186,15 @@ impl Table {
         self.writer.flush()?;
         let file = self.writer.get_ref();
         file.file.sync_data()?;
-        Ok(file.written())
+        Ok(file.hash.written())
+    }
+
+    /// What has been written of the file.
+    fn written_file(&self) -> WrittenFile {
+        WrittenFile {
+            path: self.path.clone(),
+            written: self.writer.get_ref().hash.written(),
+        }
     }
 
     fn error_with_path(&self, error: impl std::fmt::Display) -> RecordError {
@@ -205,8 +209,7 @@ impl Table {
 /// A file that is written from its beginning to its end, with the hash of what was written.
 struct HashedFile {
     file: File,
-    length: u64,
-    hash: Xxh64,
+    hash: WrittenHash,
 }
 
 impl HashedFile {
@@ -218,58 +221,21 @@ impl HashedFile {
             .read(true)
             .write(true)
             .open(path)?;
-        let mut hash = Xxh64::new(0);
-        let length = hash_start(&mut file, written.length, &mut hash)?;
-        if length < written.length {
-            let reason = format!(
-                "shorter than the {} bytes of its checkpoint",
-                written.length
-            );
-            return Err(io::Error::other(reason));
-        }
-        if written.length > 0 && hash.digest() != written.hash {
-            return Err(io::Error::other(
-                "was changed or damaged after its checkpoint: its rows have another checksum",
-            ));
-        }
-        file.set_len(length)?;
+        let hash = WrittenHash::of_file(&mut file, written)?;
+        file.set_len(written.length)?;
         file.seek(SeekFrom::End(0))?;
-        Ok(Self { file, length, hash })
-    }
-
-    fn written(&self) -> Written {
-        Written {
-            length: self.length,
-            hash: self.hash.digest(),
-        }
+        Ok(Self { file, hash })
     }
 }
 
 impl Write for HashedFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let count = self.file.write(bytes)?;
-        self.hash.update(&bytes[..count]);
-        self.length += count as u64;
+        self.hash.add(&bytes[..count]);
         Ok(count)
     }
 
     fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
-    }
-}
-
-/// Adds at most the first `length` bytes of a file to a hash, and returns their number.
-fn hash_start(file: &mut File, length: u64, hash: &mut Xxh64) -> io::Result<u64> {
-    let mut start = BufReader::new(file).take(length);
-    let mut count = 0;
-    loop {
-        let bytes = start.fill_buf()?;
-        if bytes.is_empty() {
-            return Ok(count);
-        }
-        hash.update(bytes);
-        let read = bytes.len();
-        count += read as u64;
-        start.consume(read);
     }
 }

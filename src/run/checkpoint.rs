@@ -5,14 +5,17 @@
 //! says which part of which replay file belongs to it, so that transitions are written once.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::files;
 use super::replay_file::{ReplayFile, StoredTransitions};
+use super::round_recorder::RecorderStates;
 use super::sealed::{self, Format, SealError};
 use super::trainer::Trainer;
+use crate::record::written::{Written, WrittenFile};
 
 /// The contents of `checkpoint/state.bin`.
 #[derive(Serialize, Deserialize)]
@@ -21,6 +24,8 @@ pub struct Checkpoint {
     pub trainer: Vec<u8>,
     /// The states of the recorders, in their order.
     pub recorders: Vec<Vec<u8>>,
+    /// The files of the recorders: name and beginning of each.
+    files: Vec<(String, Written)>,
     /// The transitions of the replay buffer; `None` if the team has none.
     replay: Option<StoredTransitions>,
 }
@@ -43,7 +48,7 @@ pub struct CheckpointError {
 
 const FORMAT: Format = Format {
     kind: *b"ckpt",
-    version: 9,
+    version: 10,
 };
 
 impl CheckpointWriter {
@@ -56,23 +61,24 @@ impl CheckpointWriter {
         }
     }
 
-    /// Replaces the checkpoint in the run's folder. `recorders` are the states of the recorders, in
-    /// their order.
+    /// Replaces the checkpoint in the run's folder. `recorders` are the states and files of the
+    /// recorders.
     ///
     /// # Errors
     /// A file cannot be written; then the old checkpoint is kept.
     ///
     /// # Panics
     /// Never: bytes always serialize.
-    pub fn write(
+    pub(super) fn write(
         &mut self,
         trainer: &Trainer,
-        recorders: Vec<Vec<u8>>,
+        recorders: RecorderStates,
     ) -> Result<(), CheckpointError> {
         let replay = trainer.replay();
         let checkpoint = Checkpoint {
             trainer: trainer.save(),
-            recorders,
+            recorders: recorders.states,
+            files: recorders.files.iter().map(name_and_beginning).collect(),
             replay: replay
                 .map(|replay| self.replay_file.write(replay))
                 .transpose()?,
@@ -101,11 +107,36 @@ impl Checkpoint {
     /// The file is missing, is damaged, or has another version. If it is damaged and the checkpoint
     /// before it is not, the error says how to use that one.
     pub fn read(folder: &Path) -> Result<Self, CheckpointError> {
-        let path = file(folder);
-        Self::read_file(&path).map_err(|damage| CheckpointError {
-            reason: format!("{damage}{}", previous_checkpoint_hint(folder, &damage)),
-            path,
-        })
+        Self::read_file(&file(folder)).map_err(|damage| Self::error(folder, &damage))
+    }
+
+    fn error(folder: &Path, damage: &Damage) -> CheckpointError {
+        CheckpointError {
+            path: file(folder),
+            reason: format!("{damage}{}", previous_checkpoint_hint(folder, damage)),
+        }
+    }
+
+    /// The files of the recorders of the run in `folder` as they were at its checkpoint; `None` if
+    /// it has no checkpoint, or one of another version.
+    ///
+    /// # Errors
+    /// The checkpoint is damaged or cannot be read.
+    pub fn written_files(folder: &Path) -> Result<Option<Vec<WrittenFile>>, CheckpointError> {
+        let checkpoint = match Self::read_file(&file(folder)) {
+            Ok(checkpoint) => checkpoint,
+            Err(Damage::Unreadable(error)) if error.kind() == ErrorKind::NotFound => {
+                return Ok(None);
+            }
+            Err(Damage::Seal(SealError::OtherVersion { .. })) => return Ok(None),
+            Err(damage) => return Err(Self::error(folder, &damage)),
+        };
+        let files = checkpoint.files.into_iter();
+        let written_file = |(name, written)| WrittenFile {
+            path: folder.join(name),
+            written,
+        };
+        Ok(Some(files.map(written_file).collect()))
     }
 
     fn read_file(path: &Path) -> Result<Self, Damage> {
@@ -171,6 +202,11 @@ enum Damage {
     Contents(#[from] postcard::Error),
 }
 
+fn name_and_beginning(file: &WrittenFile) -> (String, Written) {
+    let name = file.path.file_name().unwrap_or_default();
+    (name.to_string_lossy().into_owned(), file.written)
+}
+
 /// How to use the checkpoint before a damaged one; empty if it cannot be used either.
 fn previous_checkpoint_hint(folder: &Path, damage: &Damage) -> String {
     let previous = previous_file(folder);
@@ -189,6 +225,18 @@ fn previous_checkpoint_hint(folder: &Path, damage: &Damage) -> String {
 #[must_use]
 pub fn file(folder: &Path) -> PathBuf {
     checkpoint_folder(folder).join("state.bin")
+}
+
+/// Removes the checkpoint of a run: first the file without which none of the others is used.
+///
+/// # Errors
+/// A file cannot be removed.
+pub fn remove(folder: &Path) -> std::io::Result<()> {
+    files::remove_if_exists(&file(folder))?;
+    match fs::remove_dir_all(checkpoint_folder(folder)) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
 }
 
 /// The path of the checkpoint before the newest.

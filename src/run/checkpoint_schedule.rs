@@ -27,9 +27,9 @@ impl CheckpointSchedule {
         }
     }
 
-    /// Whether a checkpoint should be written after this number of rounds.
-    pub(super) fn is_due(&self, rounds: u32) -> bool {
-        let between = self.latest_end.elapsed().as_secs_f64();
+    /// Whether a checkpoint should be written `now`, after this number of rounds.
+    pub(super) fn is_due(&self, rounds: u32, now: Instant) -> bool {
+        let between = now.duration_since(self.latest_end).as_secs_f64();
         let duration = self.latest_duration.as_secs_f64();
         rounds.is_multiple_of(self.every) && self.share * (between + duration) >= duration
     }
@@ -48,15 +48,19 @@ mod tests {
     /// With a share of 1 %, 50 ms of writing need 4.95 s without.
     #[test]
     fn checkpoints_take_at_most_their_share_of_the_time() {
-        let schedule = |share, seconds_ago| CheckpointSchedule {
-            every: 25,
-            share,
-            latest_end: Instant::now() - Duration::from_secs_f64(seconds_ago),
-            latest_duration: Duration::from_millis(50),
+        let latest_end = Instant::now();
+        let is_due = |share, rounds, seconds| {
+            let schedule = CheckpointSchedule {
+                every: 25,
+                share,
+                latest_end,
+                latest_duration: Duration::from_millis(50),
+            };
+            schedule.is_due(rounds, latest_end + Duration::from_secs_f64(seconds))
         };
-        assert!(!schedule(0.01, 4.9).is_due(25));
-        assert!(schedule(0.01, 5.0).is_due(25));
-        assert!(!schedule(0.01, 5.0).is_due(24));
-        assert!(schedule(1.0, 0.0).is_due(50));
+        assert!(!is_due(0.01, 25, 4.9));
+        assert!(is_due(0.01, 25, 5.0));
+        assert!(!is_due(0.01, 24, 5.0));
+        assert!(is_due(1.0, 50, 0.0));
     }
 }

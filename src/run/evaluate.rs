@@ -2,6 +2,7 @@
 //! actions.
 
 use super::checkpoint::Checkpoint;
+use super::checksums::DamagedFile;
 use super::folder::RunFolder;
 use super::rollout::{PlayedEpisodes, RoundPlan};
 use super::summary::Summary;
@@ -48,8 +49,8 @@ pub(super) fn load_trained(
     folder: &RunFolder,
     action_selection: Option<ActionSelection>,
 ) -> Result<(Plan, Trainer), RunError> {
-    let mut plan = Plan::load(&folder.scenario_file(), &[])?;
-    plan.name = scenario_name(folder).unwrap_or(plan.name);
+    let mut plan = Plan::of_run(folder)?;
+    plan.name = scenario_name(folder)?.unwrap_or(plan.name);
     if let Some(action_selection) = action_selection {
         plan.scenario.algorithm = plan
             .scenario
@@ -65,12 +66,9 @@ pub(super) fn load_trained(
 }
 
 /// The scenario's name, from the summary. The file name does not show it: the scenario in the
-/// folder is always named `scenario.ron`.
-fn scenario_name(folder: &RunFolder) -> Option<String> {
-    let summary = std::fs::read(folder.summary_file()).ok()?;
-    serde_json::from_slice::<Summary>(&summary)
-        .ok()
-        .map(|summary| summary.scenario)
+/// folder is always named `scenario.ron`. `None` if the run is not finished.
+fn scenario_name(folder: &RunFolder) -> Result<Option<String>, DamagedFile> {
+    Ok(Summary::read(folder)?.map(|summary| summary.scenario))
 }
 
 /// Plays episode `number` of every agent. The random streams are those of a round number that

@@ -4,6 +4,8 @@ use std::fs::{File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::files::cannot_remove;
+
 /// A lock file that this process has locked. It is unlocked when dropped, and when the process ends.
 #[derive(Debug)]
 pub struct FileLock {
@@ -54,13 +56,13 @@ impl FileLock {
     /// Unlocks the file and removes it.
     ///
     /// # Errors
-    /// The file cannot be removed.
+    /// `cannot remove PATH: REASON`.
     pub fn remove(self) -> io::Result<()> {
-        std::fs::remove_file(&self.path)?;
+        let mut removed = std::fs::remove_file(&self.path);
         if self.is_effective {
-            self.file.unlock()?;
+            removed = removed.and_then(|()| self.file.unlock());
         }
-        Ok(())
+        removed.map_err(|error| cannot_remove(&self.path, &error))
     }
 }
 

@@ -4,10 +4,10 @@
 //! can replace the same file at once; the last one wins.
 
 use std::fs::{self, File};
-use std::io::{Result, Write};
+use std::io::{ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
 
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempPath};
 
 /// Replaces the file at `path`; see [`Replacement`].
 ///
@@ -75,7 +75,7 @@ impl Replacement {
             return Ok(());
         };
         file.as_file().sync_all()?;
-        file.persist(&self.target)?;
+        rename(file.into_temp_path(), &self.target)?;
         sync_folder_of(&self.target)
     }
 }
@@ -93,7 +93,33 @@ pub fn keep_as(path: &Path, second_name: &Path) -> Result<()> {
         fs::copy(path, &link)?;
         File::open(&link)?.sync_all()?;
     }
-    Ok(link.persist(second_name)?)
+    rename(link, second_name)
+}
+
+/// Gives a temporary file its final name. By the standard library, whose calls a test can let fail;
+/// those of `tempfile` circumvent the C library.
+fn rename(mut path: TempPath, target: &Path) -> Result<()> {
+    fs::rename(&path, target)?;
+    path.disable_cleanup(true);
+    Ok(())
+}
+
+/// Removes a file, if it exists.
+///
+/// # Errors
+/// The operating system reports an error.
+pub fn remove_if_exists(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// The error with what could not be done to which file: `cannot remove PATH: REASON`.
+#[must_use]
+pub fn cannot_remove(path: &Path, error: &std::io::Error) -> std::io::Error {
+    let message = format!("cannot remove {}: {error}", path.display());
+    std::io::Error::new(error.kind(), message)
 }
 
 /// Syncs the folder of a file. Only then a new name is certain to exist after a crash.

@@ -6,7 +6,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::file_lock::FileLock;
-use super::{checkpoint, overview};
+use super::files::cannot_remove;
+use super::{checkpoint, checksums, files, overview};
 use crate::record::state_files::StateFiles;
 
 /// The directory of one run.
@@ -60,7 +61,7 @@ impl RunFolder {
     #[must_use]
     pub fn has_run(&self) -> bool {
         let [episodes, _] = self.table_files();
-        let part = self.recording_file().with_added_extension("part");
+        let part = self.unfinished_recording_file();
         let results = [self.summary_file(), episodes, self.recording_file(), part];
         results.iter().any(|path| path.is_file())
             || checkpoint::file(&self.path).is_file()
@@ -82,16 +83,21 @@ impl RunFolder {
         FileLock::acquire(&self.lock_file(), true)
     }
 
-    /// Removes the files of a run, and no other files.
+    /// Removes the files of a run, and no other files. The checkpoint is removed first: if this is
+    /// stopped, no run can be resumed whose other files are gone.
     ///
     /// # Errors
     /// If a file cannot be removed.
     pub fn clear(&self) -> io::Result<()> {
+        let removed = checkpoint::remove(&self.path);
+        removed.map_err(|error| cannot_remove(&checkpoint::file(&self.path), &error))?;
         let recording = self.recording_file();
         let unfinished = ["part", "resuming"].map(|suffix| recording.with_added_extension(suffix));
         let files = [
             self.summary_file(),
+            self.checksums_file(),
             recording,
+            self.incomplete_recording_file(),
             self.replay_file(),
             self.scenario_file(),
             self.policies_file(),
@@ -103,10 +109,28 @@ impl RunFolder {
             .chain(unfinished)
             .chain(self.table_files())
         {
-            ignore_not_found(fs::remove_file(path))?;
+            files::remove_if_exists(&path).map_err(|error| cannot_remove(&path, &error))?;
         }
-        ignore_not_found(fs::remove_dir_all(self.tasks_folder()))?;
-        ignore_not_found(fs::remove_dir_all(self.path.join("checkpoint")))
+        let tasks = self.tasks_folder();
+        let removed = ignore_not_found(fs::remove_dir_all(&tasks));
+        removed.map_err(|error| cannot_remove(&tasks, &error))
+    }
+
+    /// Renames the recording of a run that is continued without one, and returns its new path;
+    /// `None` if there is none.
+    ///
+    /// # Errors
+    /// The operating system reports an error.
+    pub fn set_recording_aside(&self) -> io::Result<Option<PathBuf>> {
+        let aside = self.incomplete_recording_file();
+        // Of a run that was stopped while it was finished, the recording has its final name.
+        for path in [self.recording_file(), self.unfinished_recording_file()] {
+            if path.is_file() {
+                fs::rename(path, &aside)?;
+                return Ok(Some(aside));
+            }
+        }
+        Ok(None)
     }
 
     /// The path of the directory.
@@ -119,6 +143,24 @@ impl RunFolder {
     #[must_use]
     pub fn recording_file(&self) -> PathBuf {
         self.path.join("run.rrd")
+    }
+
+    /// Path of the recording while the run is in progress.
+    #[must_use]
+    pub fn unfinished_recording_file(&self) -> PathBuf {
+        self.recording_file().with_added_extension("part")
+    }
+
+    /// Path of the recording of a run that was continued without one.
+    #[must_use]
+    pub fn incomplete_recording_file(&self) -> PathBuf {
+        self.path.join("incomplete.rrd")
+    }
+
+    /// Path of the checksums of the other files.
+    #[must_use]
+    pub fn checksums_file(&self) -> PathBuf {
+        self.path.join(checksums::FILE_NAME)
     }
 
     /// Path of the recording that `seedbed replay` writes.
@@ -152,6 +194,15 @@ impl RunFolder {
         self.path.join("scenario.ron")
     }
 
+    /// Paths of the copies of tasks, sorted.
+    #[must_use]
+    pub fn task_files(&self) -> Vec<PathBuf> {
+        let entries = fs::read_dir(self.tasks_folder()).into_iter().flatten();
+        let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+        paths.sort();
+        paths
+    }
+
     /// Path of the copy of the task `name`.
     #[must_use]
     pub fn task_file(&self, name: &str) -> PathBuf {
@@ -168,6 +219,24 @@ impl RunFolder {
     #[must_use]
     pub fn policies_file(&self) -> PathBuf {
         self.path.join("policies.safetensors")
+    }
+
+    /// Paths of all files of a finished run except the checkpoint and the summary, whether they exist
+    /// or not.
+    #[must_use]
+    pub fn result_files(&self) -> Vec<PathBuf> {
+        let [episodes, rounds] = self.table_files();
+        let mut paths = vec![
+            episodes,
+            rounds,
+            self.policies_file(),
+            self.recording_file(),
+            self.regret_file(),
+            self.scenario_file(),
+            self.visits_file(),
+        ];
+        paths.extend(self.task_files());
+        paths
     }
 
     fn tasks_folder(&self) -> PathBuf {

@@ -11,6 +11,7 @@ mod agreement;
 mod asynchronous;
 pub mod checkpoint;
 mod checkpoint_schedule;
+pub mod checksums;
 mod episode_slots;
 pub mod evaluate;
 pub mod file_lock;
@@ -37,6 +38,7 @@ use std::time::Instant;
 
 use self::checkpoint::{Checkpoint, CheckpointError, CheckpointWriter};
 use self::checkpoint_schedule::CheckpointSchedule;
+use self::checksums::{Checksums, DamagedFile, NewChecksums};
 use self::folder::RunFolder;
 use self::round_recorder::{CheckpointKind, Recorders, RoundRecorder};
 use self::summary::{FINAL_WINDOW, Summary};
@@ -144,6 +146,9 @@ pub enum RunError {
         /// The error of the operating system.
         error: std::io::Error,
     },
+    /// A file of the run is damaged, or was changed after it was written.
+    #[error(transparent)]
+    Damaged(#[from] DamagedFile),
     /// The run in the folder cannot be resumed with this plan.
     #[error("{0}")]
     CannotResume(String),
@@ -159,6 +164,15 @@ impl Plan {
     /// A mistake in either file, with its location.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
         Self::from_document(scenario::load(path, overrides)?, path)
+    }
+
+    /// Reads the plan of the run in a folder.
+    ///
+    /// # Errors
+    /// The scenario or its task is damaged or was changed after the run began, or has a mistake.
+    pub fn of_run(folder: &RunFolder) -> Result<Self, InputError> {
+        Checksums::read(folder)?.verify_scenario()?;
+        Self::load(&folder.scenario_file(), &[])
     }
 
     /// Checks the scenario that was read from `path`, and reads its task.
@@ -193,7 +207,7 @@ fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result
 
 /// Trains until the scenario's `stop` is reached or `interrupted` is set. `recorder_factories` make
 /// the recorders. A resumed run continues with the recorders with which it began; further factories
-/// are ignored.
+/// are ignored. A recorder without a factory is given up: what it recorded is set aside.
 ///
 /// # Errors
 /// A file could not be read or written, or a number is not finite. Files that were written before
@@ -207,7 +221,7 @@ pub fn execute(
 ) -> Result<RunOutcome, RunError> {
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, options.threads)?;
     let (recorders, mut checkpoints) = if options.resume {
-        resume_run(plan, options, recorder_factories, &mut trainer)?
+        resume_run(plan, options, recorder_factories, &mut trainer, observer)?
     } else {
         let recorders = create_recorders(plan, options, recorder_factories, &trainer)?;
         (recorders, CheckpointWriter::new(options.folder.path()))
@@ -221,7 +235,7 @@ pub fn execute(
         report_warnings(&mut recorder, observer);
         observer.round_finished(&progress(plan, &trainer));
         let is_interrupted = interrupted.load(Ordering::Relaxed) && !trainer.is_done();
-        if is_interrupted || checkpoint_schedule.is_due(trainer.rounds()) {
+        if is_interrupted || checkpoint_schedule.is_due(trainer.rounds(), Instant::now()) {
             let start = Instant::now();
             let kind = if is_interrupted {
                 CheckpointKind::AtEnd
@@ -260,12 +274,7 @@ fn create_recorders(
     recorder_factories: RecorderFactories,
     trainer: &Trainer,
 ) -> Result<Recorders, RunError> {
-    let folder = &options.folder;
-    replace_file(&folder.scenario_file(), plan.scenario.resolved().as_bytes())?;
-    replace_file(
-        &folder.task_file(&plan.description.spec().name),
-        plan.environment_text.as_bytes(),
-    )?;
+    write_scenario(plan, &options.folder)?;
     with_run_info(plan, trainer, |info| {
         let create =
             |factory: Box<dyn RecorderFactory>| Ok(factory.create(info, &plan.scenario.recording)?);
@@ -278,22 +287,24 @@ fn resume_run(
     options: &Options,
     recorder_factories: RecorderFactories,
     trainer: &mut Trainer,
+    observer: &mut dyn Observer,
 ) -> Result<(Recorders, CheckpointWriter), RunError> {
     let folder = &options.folder;
+    Checksums::read(folder)?.verify_scenario()?;
     check_same_run(plan, options)?;
     let checkpoint = Checkpoint::read(folder.path())?;
     let checkpoints = checkpoint.restore(folder.path(), trainer)?;
-    let (states, max_states) = (&checkpoint.recorders, recorder_factories.len());
-    if states.is_empty() || states.len() > max_states {
-        let reason = format!(
-            "it has the states of {} recorders; expected 1 to {max_states}",
-            states.len()
-        );
+    let states = &checkpoint.recorders;
+    if states.is_empty() {
+        let reason = "it has the states of no recorders".to_owned();
         let path = checkpoint::file(folder.path());
         return Err(CheckpointError { path, reason }.into());
     }
     check_max_episodes(plan, options, trainer)?;
-    replace_file(&folder.scenario_file(), plan.scenario.resolved().as_bytes())?;
+    write_scenario(plan, folder)?;
+    if states.len() > recorder_factories.len() {
+        give_up_recording(folder, observer)?;
+    }
     let recorders = with_run_info(plan, trainer, |info| {
         let resume = |(factory, state): (Box<dyn RecorderFactory>, &Vec<u8>)| {
             Ok(factory.resume(info, &plan.scenario.recording, state)?)
@@ -305,6 +316,47 @@ fn resume_run(
             .collect::<Result<Recorders, RunError>>()
     })?;
     Ok((recorders, checkpoints))
+}
+
+/// Sets the recording of a run aside that is continued without it.
+fn give_up_recording(folder: &RunFolder, observer: &mut dyn Observer) -> Result<(), RunError> {
+    let aside = folder
+        .set_recording_aside()
+        .map_err(|error| RunError::File {
+            path: folder.unfinished_recording_file(),
+            error,
+        })?;
+    let kept = aside.map_or_else(
+        || "its file is gone".to_owned(),
+        |path| format!("what was recorded so far is kept in {}", path.display()),
+    );
+    observer.warn(&format!("the run continues without a recording: {kept}"));
+    Ok(())
+}
+
+/// Writes the scenario, the copy of the task and their checksums. Checksums of earlier files are
+/// removed first: a run that is stopped in between has none instead of wrong ones.
+fn write_scenario(plan: &Plan, folder: &RunFolder) -> Result<(), RunError> {
+    let checksums = folder.checksums_file();
+    files::remove_if_exists(&checksums).map_err(|error| RunError::File {
+        path: checksums.clone(),
+        error,
+    })?;
+    let scenario = (folder.scenario_file(), plan.scenario.resolved());
+    let task_file = folder.task_file(&plan.description.spec().name);
+    let mut sums = NewChecksums::default();
+    for (path, text) in [scenario, (task_file, plan.environment_text.clone())] {
+        replace_file(&path, text.as_bytes())?;
+        sums.add(folder, &path, text.as_bytes());
+    }
+    write_checksums(&sums, folder)
+}
+
+fn write_checksums(sums: &NewChecksums, folder: &RunFolder) -> Result<(), RunError> {
+    sums.write(folder).map_err(|error| RunError::File {
+        path: folder.checksums_file(),
+        error,
+    })
 }
 
 /// Checks that the run to resume does not have more episodes than the plan allows.
@@ -378,7 +430,7 @@ fn write_checkpoint(
 }
 
 /// Completes the files of a finished run, whose checkpoint has been written. The summary is written
-/// last, because its presence marks a finished run.
+/// last, because its presence marks a finished run, whose checksums are known.
 fn finish(
     plan: &Plan,
     options: &Options,
@@ -394,8 +446,24 @@ fn finish(
         path: path.clone(),
         error,
     })?;
-    replace_file(&path, format!("{text}\n").as_bytes())?;
+    let text = format!("{text}\n");
+    write_checksums_of_results(&options.folder, &text)?;
+    replace_file(&path, text.as_bytes())?;
     Ok(RunOutcome::Finished(Box::new(summary)))
+}
+
+/// Writes the checksums of the files of a finished run, whose summary will have this text.
+pub(crate) fn write_checksums_of_results(
+    folder: &RunFolder,
+    summary: &str,
+) -> Result<(), RunError> {
+    let mut sums = NewChecksums::default();
+    sums.add(folder, &folder.summary_file(), summary.as_bytes());
+    for path in folder.result_files() {
+        sums.add_file(folder, &path)
+            .map_err(|error| RunError::File { path, error })?;
+    }
+    write_checksums(&sums, folder)
 }
 
 fn write_policies(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<(), RunError> {

@@ -6,9 +6,10 @@ use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
+use super::checksums::Checksums;
 use super::folder::RunFolder;
 use super::review::{final_mean, team_returns};
-use super::summary::SolvedAt;
+use super::summary::{self, SolvedAt};
 use crate::input_files;
 use crate::record::EpisodeRow;
 use crate::record::state_files::StateFiles;
@@ -152,9 +153,12 @@ impl RunOverview {
 }
 
 fn finished_results(folder: &RunFolder) -> Result<Results, String> {
-    let path = folder.summary_file();
-    let text = fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-    serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
+    if folder.has_state_files() {
+        // Their summary is for other tools.
+        return state_file_results(folder);
+    }
+    let results = summary::read_verified(folder).map_err(|error| error.to_string())?;
+    Ok(results.unwrap_or_default())
 }
 
 /// Results of a run that has no summary yet, from its tables.
@@ -171,6 +175,9 @@ fn unfinished_results(folder: &RunFolder) -> Result<Results, String> {
     if !scenario_file.is_file() {
         return Ok(results);
     }
+    let checksums = Checksums::read(folder).map_err(|error| error.to_string())?;
+    let verified = checksums.verify_scenario();
+    verified.map_err(|error| error.to_string())?;
     let scenario = input_files::read::<Scenario>(&scenario_file);
     let scenario = scenario.map_err(|error| error.to_string())?.value;
     results.environment = Some(file_stem(Path::new(scenario.environment.as_str()), ""));
@@ -178,6 +185,8 @@ fn unfinished_results(folder: &RunFolder) -> Result<Results, String> {
     results.agents = Some(u64::from(scenario.agents.count.get()));
     let [episodes, _] = folder.table_files();
     if episodes.is_file() {
+        let verified = checksums.verify(&episodes);
+        verified.map_err(|error| error.to_string())?;
         let rows: Vec<EpisodeRow> = table::read(&episodes).map_err(|error| error.to_string())?;
         add_episodes(&mut results, &rows, scenario.agents.count.get());
     }

@@ -11,6 +11,7 @@ use std::thread::{self, JoinHandle};
 
 use super::thread_count;
 use super::trainer::Round;
+use crate::record::written::WrittenFile;
 use crate::record::{RecordError, Recorder, RoundRecord};
 use seedbed_learn::experience::Episode;
 
@@ -24,8 +25,14 @@ const MAX_WAITING_EPISODES: usize = 2048;
 /// The recorders of a run, in their order.
 pub(super) type Recorders = Vec<Box<dyn Recorder>>;
 
-/// States of recorders in a checkpoint, in their order.
-type States = Vec<Vec<u8>>;
+/// What recorders add to a checkpoint.
+#[derive(Debug, Default)]
+pub(super) struct RecorderStates {
+    /// The state of each recorder, in their order.
+    pub(super) states: Vec<Vec<u8>>,
+    /// Their files, as far as they are written.
+    pub(super) files: Vec<WrittenFile>,
+}
 
 /// Passes rounds to recorders.
 pub(super) enum RoundRecorder {
@@ -40,7 +47,7 @@ pub(super) struct RecordingThread {
     /// `None` when the thread has ended.
     tasks: Option<SyncSender<Task>>,
     /// The thread's answers to all tasks other than rounds.
-    states: Receiver<States>,
+    states: Receiver<RecorderStates>,
     warnings: Receiver<String>,
     /// `None` when the thread has ended.
     thread: Option<JoinHandle<Result<(), RecordError>>>,
@@ -110,7 +117,10 @@ impl RoundRecorder {
     ///
     /// # Errors
     /// A file could not be written.
-    pub(super) fn checkpoint(&mut self, kind: CheckpointKind) -> Result<States, RecordError> {
+    pub(super) fn checkpoint(
+        &mut self,
+        kind: CheckpointKind,
+    ) -> Result<RecorderStates, RecordError> {
         match self {
             Self::Direct(recorders) => checkpoint(recorders, kind),
             Self::Queued(thread) => thread.ask(Task::Checkpoint(kind)),
@@ -163,11 +173,11 @@ impl RecordingThread {
     }
 
     /// Waits for the answer to a task.
-    fn ask(&mut self, task: Task) -> Result<States, RecordError> {
+    fn ask(&mut self, task: Task) -> Result<RecorderStates, RecordError> {
         self.send(task)?;
         match self.states.recv() {
             Ok(states) => Ok(states),
-            Err(_) => self.end().map(|()| Vec::new()),
+            Err(_) => self.end().map(|()| RecorderStates::default()),
         }
     }
 
@@ -195,7 +205,7 @@ impl Drop for RecordingThread {
 fn work(
     mut recorders: Recorders,
     queue: &Receiver<Task>,
-    states: &Sender<States>,
+    states: &Sender<RecorderStates>,
     warnings: &Sender<String>,
 ) -> Result<(), RecordError> {
     for task in queue {
@@ -211,7 +221,7 @@ fn work(
                 None
             }
             Task::Checkpoint(kind) => Some(checkpoint(&mut recorders, kind)?),
-            Task::Finish => Some(finish(&mut recorders).map(|()| Vec::new())?),
+            Task::Finish => Some(finish(&mut recorders).map(|()| RecorderStates::default())?),
         };
         // Nobody reads warnings or answers after the run has ended with an error of its own.
         take_warnings(&mut recorders).for_each(|warning| drop(warnings.send(warning)));
@@ -239,16 +249,21 @@ fn record_round(recorders: &mut Recorders, round: &RoundRecord<'_>) -> Result<()
         .try_for_each(|recorder| recorder.record_round(round))
 }
 
-fn checkpoint(recorders: &mut Recorders, kind: CheckpointKind) -> Result<States, RecordError> {
+fn checkpoint(
+    recorders: &mut Recorders,
+    kind: CheckpointKind,
+) -> Result<RecorderStates, RecordError> {
     if kind == CheckpointKind::AtEnd {
         recorders
             .iter_mut()
             .try_for_each(|recorder| recorder.flush())?;
     }
-    recorders
-        .iter_mut()
-        .map(|recorder| recorder.checkpoint())
-        .collect()
+    let mut added = RecorderStates::default();
+    for recorder in recorders {
+        added.states.push(recorder.checkpoint()?);
+        added.files.extend(recorder.written_files());
+    }
+    Ok(added)
 }
 
 fn finish(recorders: &mut Recorders) -> Result<(), RecordError> {
@@ -363,7 +378,7 @@ mod tests {
                 record(&mut recorder, &counts, number).unwrap();
                 if number == 29 {
                     let states = recorder.checkpoint(CheckpointKind::Meanwhile).unwrap();
-                    assert_eq!(states, [[30]]);
+                    assert_eq!(states.states, [[30]]);
                 }
             }
             recorder.finish().unwrap();

@@ -1,7 +1,12 @@
 //! The results of a run in a few numbers: `summary.json`.
 
+use std::fs;
+
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use super::checksums::{Checksums, DamagedFile};
+use super::folder::RunFolder;
 use super::trainer::Trainer;
 
 /// The results of a run in a few numbers. What is not known of a run that another program recorded
@@ -63,6 +68,14 @@ pub struct SolvedAt {
 pub const FINAL_WINDOW: usize = 25;
 
 impl Summary {
+    /// The summary of the run in a folder; `None` if the run is not finished.
+    ///
+    /// # Errors
+    /// The file is damaged or was changed after it was written, or cannot be read.
+    pub fn read(folder: &RunFolder) -> Result<Option<Self>, DamagedFile> {
+        read_verified(folder)
+    }
+
     /// The summary of a run so far.
     #[must_use]
     pub fn of(scenario: &str, seed: u64, trainer: &Trainer) -> Self {
@@ -91,4 +104,24 @@ impl Summary {
             effective_agents: Some(visits.diversity.effective_agents),
         }
     }
+}
+
+/// Reads `summary.json` of the run in a folder, as far as `T` describes it. `None` if the run is not
+/// finished.
+///
+/// # Errors
+/// The file is damaged or was changed after it was written, or cannot be read.
+pub(super) fn read_verified<T: DeserializeOwned>(
+    folder: &RunFolder,
+) -> Result<Option<T>, DamagedFile> {
+    let path = folder.summary_file();
+    if !path.is_file() {
+        return Ok(None);
+    }
+    Checksums::read(folder)?.verify(&path)?;
+    let bytes = fs::read(&path).map_err(|error| error.to_string());
+    let read =
+        bytes.and_then(|bytes| serde_json::from_slice(&bytes).map_err(|error| error.to_string()));
+    read.map(Some)
+        .map_err(|reason| DamagedFile { path, reason })
 }

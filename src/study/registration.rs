@@ -602,7 +602,6 @@ fn notes_on_results_of_others(lock: &Lock, results: &Results) -> Vec<String> {
 fn notes_on_runs(lock: &Lock, results: &Results, folder: &StudyFolder) -> Vec<String> {
     let mut notes = Vec::new();
     let [_, failed, missing] = results.run_counts();
-    let damaged: usize = results.cells.iter().map(|cell| cell.damaged.len()).sum();
     for (count, state) in [(missing, "missing"), (failed, "failed")] {
         if count > 0 {
             notes.push(format!(
@@ -610,12 +609,6 @@ fn notes_on_runs(lock: &Lock, results: &Results, folder: &StudyFolder) -> Vec<St
                 pluralize(count, "run")
             ));
         }
-    }
-    if damaged > 0 {
-        notes.push(format!(
-            "{}: damaged, or edited after the run. Such runs count as missing.",
-            pluralize(damaged, "result file")
-        ));
     }
     let other = count_other_files(results, folder);
     if other > 0 {

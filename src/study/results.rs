@@ -14,6 +14,7 @@ use super::published;
 use super::registration::Audit;
 use super::run_result::{RunResult, VisitedStates};
 use super::store::{Manifest, ManifestCell, StoreError, StudyFolder};
+use crate::text::shell_word;
 use seedbed_env::Quantity;
 use seedbed_env::input::{self, InputError};
 use seedbed_stats::family::{FAMILY_LEVEL, levels_of_looks};
@@ -51,10 +52,8 @@ pub struct CellResults {
     scores: Vec<(Measure, Vec<RunScore>)>,
     /// Run seeds of failed runs, and the reasons why they failed.
     pub failures: Vec<(u64, String)>,
-    /// Number of runs that are missing, including those of damaged files.
+    /// Number of runs that are missing.
     pub missing: usize,
-    /// Run seeds of runs whose result files are damaged or were edited.
-    pub damaged: Vec<u64>,
 }
 
 /// Error: results cannot be read.
@@ -66,6 +65,16 @@ pub enum ResultsError {
     /// This version of seedbed cannot read the study file that was run.
     #[error(transparent)]
     Study(#[from] InputError),
+    /// The result file of a run is damaged, was edited, or has another layout.
+    #[error(
+        "{path} is damaged, was changed, or is of another version of seedbed; to repeat its run: seedbed study {study}"
+    )]
+    Run {
+        /// The file.
+        path: PathBuf,
+        /// Path of the study.
+        study: String,
+    },
     /// The table of published results is damaged, or does not belong to the study.
     #[error("{}{}: {message}", path.display(), line.map_or(String::new(), |line| format!(":{line}")))]
     Table {
@@ -101,14 +110,14 @@ impl Results {
         if published::is_published(folder) {
             published::read_table(&mut results, folder)?;
         } else {
-            results.read_runs(folder);
+            results.read_runs(folder)?;
         }
         results.audit = Audit::of(&results, folder);
         Ok(results)
     }
 
     /// Reads the result files of a folder.
-    fn read_runs(&mut self, folder: &StudyFolder) {
+    fn read_runs(&mut self, folder: &StudyFolder) -> Result<(), ResultsError> {
         let descriptions = &self.manifest.cells;
         let run_seeds = self.begun_run_seeds(|cell, run_seed| {
             folder.has_result_file(&descriptions[cell].digest, run_seed)
@@ -117,14 +126,15 @@ impl Results {
         for cell in &mut cells {
             if cell.description.external.is_some() {
                 let ids = self.manifest.run_seeds_of(&cell.description);
-                self.read_cell(folder, cell, &ids);
+                self.read_cell(folder, cell, &ids)?;
                 cell.missing += self.missing_runs_of_others(&cell.description);
             } else {
-                self.read_cell(folder, cell, &run_seeds);
+                self.read_cell(folder, cell, &run_seeds)?;
             }
         }
         self.cells = cells;
         self.score_runs();
+        Ok(())
     }
 
     /// Computes scores and costs of all runs.
@@ -202,14 +212,20 @@ impl Results {
     }
 
     /// Reads the runs of a cell with these run seeds.
-    fn read_cell(&mut self, folder: &StudyFolder, cell: &mut CellResults, run_seeds: &[u64]) {
+    fn read_cell(
+        &mut self,
+        folder: &StudyFolder,
+        cell: &mut CellResults,
+        run_seeds: &[u64],
+    ) -> Result<(), ResultsError> {
         for &run_seed in run_seeds {
             let digest = &cell.description.digest;
             let Some(stored) = folder.find_run(digest, run_seed, &[]) else {
-                cell.missing += 1;
-                if folder.has_result_file(digest, run_seed) {
-                    cell.damaged.push(run_seed);
+                if let Some(path) = folder.damaged_file(digest, run_seed) {
+                    let study = self.study_command();
+                    return Err(ResultsError::Run { path, study });
                 }
+                cell.missing += 1;
                 continue;
             };
             self.versions.insert(stored.version);
@@ -220,6 +236,19 @@ impl Results {
                 Err(reason) => cell.failures.push((run_seed, reason)),
             }
         }
+        Ok(())
+    }
+
+    /// The study and the options with which its runs were made.
+    fn study_command(&self) -> String {
+        let mut words = shell_word(&self.manifest.study_path).into_owned();
+        if self.manifest.lock.is_some() {
+            words += " --confirm";
+        }
+        if self.manifest.quick {
+            words += " --quick";
+        }
+        words
     }
 
     /// Results of the cell with this name.
@@ -305,7 +334,6 @@ impl CellResults {
             scores: Vec::new(),
             failures: Vec::new(),
             missing: 0,
-            damaged: Vec::new(),
         }
     }
 

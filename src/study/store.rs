@@ -15,7 +15,7 @@ use super::registration::Lock;
 pub use super::result_file::StoredRun;
 use super::run_result::RunResult;
 use crate::run::file_lock::FileLock;
-use crate::run::files;
+use crate::run::{checksums, files};
 use seedbed_env::Quantity;
 use seedbed_env::input;
 
@@ -164,6 +164,14 @@ impl StudyFolder {
         self.result_file(digest, run_seed).exists()
     }
 
+    /// Path of the result file of a run, if it is damaged, was edited or has another layout.
+    #[must_use]
+    pub fn damaged_file(&self, digest: &str, run_seed: u64) -> Option<PathBuf> {
+        let is_damaged = self.has_result_file(digest, run_seed)
+            && self.find_run(digest, run_seed, &[]).is_none();
+        is_damaged.then(|| self.result_file(digest, run_seed))
+    }
+
     /// Number of result files of runs with this digest.
     #[must_use]
     pub fn count_runs(&self, digest: &str) -> usize {
@@ -207,14 +215,14 @@ impl StudyFolder {
     /// Never: plain data always serializes.
     pub fn write_manifest(&self, plan: &StudyPlan) -> Result<(), StoreError> {
         let path = self.manifest_file();
-        let previous = self.manifest().ok();
+        let previous = self.manifest_if_any()?;
         let manifest = Manifest {
             late_claims: self.late_claims(plan, previous.as_ref()),
             earlier_repeats: self.earlier_repeats(plan, previous.as_ref()),
             ..Manifest::of(plan)
         };
         let manifest = manifest.with_history(previous.as_ref());
-        let text = to_json(&manifest);
+        let text = manifest.to_json();
         if std::fs::read_to_string(&path).is_ok_and(|stored_text| stored_text == text) {
             return Ok(());
         }
@@ -273,18 +281,70 @@ impl StudyFolder {
     /// Manifest of the study.
     ///
     /// # Errors
-    /// If there is no manifest, or if it cannot be read.
+    /// If there is no manifest, or if it is damaged or cannot be read.
     pub fn manifest(&self) -> Result<Manifest, StoreError> {
         let path = self.manifest_file();
         let text = std::fs::read_to_string(&path).map_err(|error| error.to_string());
-        let manifest =
-            text.and_then(|text| serde_json::from_str(&text).map_err(|error| error.to_string()));
+        let manifest = text.and_then(|text| {
+            has_own_checksum(&text)?;
+            serde_json::from_str(&text).map_err(|error| error.to_string())
+        });
         manifest.map_err(|reason| StoreError { path, reason })
+    }
+
+    /// Manifest of the study; `None` if there is none.
+    ///
+    /// # Errors
+    /// If it is damaged or cannot be read.
+    pub fn manifest_if_any(&self) -> Result<Option<Manifest>, StoreError> {
+        if self.manifest_file().exists() {
+            self.manifest().map(Some)
+        } else {
+            Ok(None)
+        }
+    }
+
+    /// Whether the manifest has a checksum; those of earlier versions have none.
+    ///
+    /// # Errors
+    /// As [`manifest`](Self::manifest).
+    pub fn manifest_has_checksum(&self) -> Result<bool, StoreError> {
+        let path = self.manifest_file();
+        let text = std::fs::read_to_string(&path).map_err(|error| error.to_string());
+        text.and_then(|text| has_own_checksum(&text))
+            .map_err(|reason| StoreError { path, reason })
     }
 
     fn manifest_file(&self) -> PathBuf {
         self.path.join("study.json")
     }
+}
+
+/// End of a JSON object for readers.
+const JSON_END: &str = "\n}\n";
+
+/// What precedes the checksum in `study.json`: the SHA-256 of everything before this field.
+const CHECKSUM_FIELD: &str = ",\n  \"sha256\": \"";
+
+/// Whether a manifest ends with the checksum of its other fields; `false` if it has none.
+///
+/// # Errors
+/// The checksum is wrong.
+fn has_own_checksum(text: &str) -> Result<bool, String> {
+    let Some((fields, rest)) = text.rsplit_once(CHECKSUM_FIELD) else {
+        return Ok(false);
+    };
+    let sum = rest
+        .strip_suffix(JSON_END)
+        .and_then(|sum| sum.strip_suffix('"'));
+    if sum == Some(checksums::sha256(fields).as_str()) {
+        return Ok(true);
+    }
+    Err(
+        "is damaged, or was changed after seedbed wrote it: its checksum does not match; if it is deleted, \
+         `seedbed study` writes it again, without its history"
+            .to_owned(),
+    )
 }
 
 /// A value as JSON for readers, with a line break at the end.
@@ -301,9 +361,12 @@ pub(super) fn replace_file(path: PathBuf, bytes: &[u8]) -> Result<(), StoreError
 }
 
 impl Manifest {
-    /// The bytes of `study.json`.
+    /// The bytes of `study.json`, which end with their own checksum.
     pub(super) fn to_json(&self) -> String {
-        to_json(self)
+        let json = to_json(self);
+        let fields = json.strip_suffix(JSON_END).unwrap_or(&json);
+        let sum = checksums::sha256(fields);
+        format!("{fields}{CHECKSUM_FIELD}{sum}\"{JSON_END}")
     }
 
     /// Claims of the study, as [`Claim::canonical_text`]; empty if this version cannot read the

@@ -1,11 +1,13 @@
 //! Results of a tabular run, and their files.
 
+use std::path::Path;
+
 use serde::Serialize;
 
 use super::scenario::TabularScenario;
 use super::team::{Episode, TabularTeam};
-use crate::run::files;
 use crate::run::folder::RunFolder;
+use crate::run::{self, RunError, files};
 use crate::scenario::overrides::Resolve;
 
 /// Results of a finished run.
@@ -103,18 +105,34 @@ impl Results {
         }
     }
 
-    /// Writes `scenario.ron`, `regret.csv` and `visits.csv`, and finally `summary.json`, which
-    /// marks the run as finished.
+    /// Writes `scenario.ron`, `regret.csv`, `visits.csv` and the checksums, and finally
+    /// `summary.json`, which marks the run as finished.
     ///
     /// # Errors
     /// If a file cannot be written.
-    pub fn write(&self, scenario: &TabularScenario, folder: &RunFolder) -> std::io::Result<()> {
-        files::replace(&folder.scenario_file(), scenario.resolved().as_bytes())?;
-        files::replace(&folder.regret_file(), &to_csv(&self.episodes)?)?;
-        files::replace(&folder.visits_file(), &to_csv(&self.visits)?)?;
-        let summary = serde_json::to_string_pretty(&self.summary).map_err(std::io::Error::other)?;
-        files::replace(&folder.summary_file(), format!("{summary}\n").as_bytes())
+    pub fn write(&self, scenario: &TabularScenario, folder: &RunFolder) -> Result<(), RunError> {
+        replace_file(&folder.scenario_file(), || Ok(scenario.resolved().into()))?;
+        replace_file(&folder.regret_file(), || to_csv(&self.episodes))?;
+        replace_file(&folder.visits_file(), || to_csv(&self.visits))?;
+        let summary = serde_json::to_string_pretty(&self.summary).map(|text| text + "\n");
+        let summary = summary.map_err(|error| RunError::File {
+            path: folder.summary_file(),
+            error: error.into(),
+        })?;
+        run::write_checksums_of_results(folder, &summary)?;
+        replace_file(&folder.summary_file(), || Ok(summary.into()))
     }
+}
+
+fn replace_file(
+    path: &Path,
+    contents: impl FnOnce() -> std::io::Result<Vec<u8>>,
+) -> Result<(), RunError> {
+    let written = contents().and_then(|bytes| files::replace(path, &bytes));
+    written.map_err(|error| RunError::File {
+        path: path.to_owned(),
+        error,
+    })
 }
 
 fn visit_rows(team: &TabularTeam) -> Vec<VisitRow> {

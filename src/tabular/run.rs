@@ -93,11 +93,7 @@ pub fn execute(
     recorder.finish()?;
     report_warning(&mut recorder, observer);
     let results = Results::of(&plan.name, &plan.scenario, &team, episodes);
-    let written = results.write(&plan.scenario, folder);
-    written.map_err(|error| RunError::File {
-        path: folder.path().to_owned(),
-        error,
-    })?;
+    results.write(&plan.scenario, folder)?;
     Ok(Ending::Finished(Box::new(results.summary)))
 }
 

@@ -14,7 +14,7 @@ use seedbed_stats::means::TwoMeans;
 use seedbed_stats::shares::{Share, TwoShares};
 use seedbed_stats::{Direction, Interval, Verdict, verdict_on_effect};
 
-use super::util::{REPOSITORY, seedbed, stderr, stdout};
+use super::util::{REPOSITORY, seedbed, stderr, stdout, write_manifest_without_checksum};
 
 /// A directory with a study and the files that it names.
 struct Fixture {
@@ -690,7 +690,7 @@ fn edited_descriptions_of_files_are_reported() {
         ("repeats: 3", "repeats: 2"),
         ("a/*.csv", "c/*.csv"),
     ] {
-        fs::write(&manifest, original.replace(old, new)).unwrap();
+        write_manifest_without_checksum(&manifest, &original.replace(old, new));
         let out = fixture.path("out");
         let output = seedbed(&["report", out.to_str().unwrap()]);
         assert_eq!(output.status.code(), Some(1), "{old}: {output:?}");

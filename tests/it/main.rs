@@ -4,10 +4,13 @@
 
 mod architecture;
 mod cli;
+mod damaged_files;
 mod determinism;
 #[cfg(unix)]
 mod docs;
 mod external;
+#[cfg(target_os = "linux")]
+mod failing_calls;
 mod learning;
 mod messages;
 mod published;

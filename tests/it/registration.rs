@@ -9,7 +9,9 @@ use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 
-use super::util::{REPOSITORY, seedbed, stderr, stdout};
+use super::util::{
+    REPOSITORY, run_refused, seedbed, stderr, stdout, write_manifest_without_checksum,
+};
 
 /// A study in a directory of its own, with its own copy of the scenario.
 struct Fixture {
@@ -115,7 +117,7 @@ impl Fixture {
         let path = self.path("out/study.json");
         let text = fs::read_to_string(&path).unwrap();
         assert!(text.contains(old), "{old} in {text}");
-        fs::write(path, text.replace(old, new)).unwrap();
+        write_manifest_without_checksum(&path, &text.replace(old, new));
     }
 
     /// Paths of the result files, in the order of their names.
@@ -268,12 +270,10 @@ fn an_edited_run_is_not_used_and_is_repeated() {
     let middle = edited.len() / 2;
     edited[middle] ^= 1;
     fs::write(file, edited).unwrap();
-    let report = fixture.report();
-    assert!(
-        report.contains("note       1 result file: damaged, or edited after the run."),
-        "{report}"
-    );
-    assert!(report.contains("1 confirmatory claim: 1 open"), "{report}");
+    let error = run_refused(&["report", fixture.path("out").to_str().unwrap()]);
+    let expected = format!("error: {} is damaged, was changed", file.display());
+    assert!(error.starts_with(&expected), "{error}");
+    assert!(error.ends_with("small.ron --confirm\n"), "{error}");
     fixture.succeed(&["--confirm"]);
     assert_eq!(fs::read(file).unwrap(), original);
     assert!(
@@ -323,7 +323,7 @@ fn an_edited_lock_is_refused_and_another_build_is_reported() {
     let manifest = fixture.path("out/study.json");
     let text = fs::read_to_string(&manifest).unwrap();
     let build = text.split("\"build\": \"").nth(1).unwrap()[..16].to_owned();
-    fs::write(&manifest, text.replace(&build, "0123456789abcdef")).unwrap();
+    write_manifest_without_checksum(&manifest, &text.replace(&build, "0123456789abcdef"));
     let report = fixture.refuted_report();
     assert!(
         report.contains("not confirmed: The lock was changed after it was made"),
@@ -345,7 +345,7 @@ fn a_claim_edited_in_the_results_is_reported() {
     fixture.confirm();
     let manifest = fixture.path("out/study.json");
     let text = fs::read_to_string(&manifest).unwrap();
-    fs::write(&manifest, text.replace("smallest: 5", "smallest: 1")).unwrap();
+    write_manifest_without_checksum(&manifest, &text.replace("smallest: 5", "smallest: 1"));
     let report = fixture.refuted_report();
     assert!(
         report.contains("not confirmed: The reported study differs from its lock: the claim"),

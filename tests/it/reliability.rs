@@ -26,7 +26,7 @@ const SHORT_RUN: [&str; 6] = [
 
 /// Numbers of the recorded steps, by entity `/raw/agent_K`, up to the first message that cannot be
 /// read.
-fn recorded_steps(path: &Path) -> BTreeMap<String, Vec<i64>> {
+pub(crate) fn recorded_steps(path: &Path) -> BTreeMap<String, Vec<i64>> {
     let mut steps: BTreeMap<String, Vec<i64>> = BTreeMap::new();
     // Decoding stops at an incomplete message, which must be the last message.
     for message in

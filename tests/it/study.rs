@@ -7,7 +7,10 @@ use std::process::{Output, Stdio};
 
 #[cfg(unix)]
 use super::util::interrupt;
-use super::util::{REPOSITORY, command, crash, files_below, seedbed, stderr, stdout, wait_until};
+use super::util::{
+    REPOSITORY, command, crash, files_below, seedbed, stderr, stdout, wait_until,
+    write_manifest_without_checksum,
+};
 
 /// A study of two agents and few episodes. It has three cells: the results of `σ 0` and `σ 9`
 /// differ, those of `σ 0 again` equal those of `σ 0`.
@@ -843,7 +846,7 @@ fn remove_earlier_repeats(out: &Path) {
     let stored = fs::read_to_string(&path).unwrap();
     let without_field = stored.replace(",\n  \"earlier_repeats\": []", "");
     assert!(!without_field.contains("earlier_repeats"));
-    fs::write(path, without_field).unwrap();
+    write_manifest_without_checksum(&path, &without_field);
 }
 
 #[test]

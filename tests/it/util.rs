@@ -101,6 +101,15 @@ pub(crate) fn assert_same_results(first: &Path, second: &Path) {
     assert!(differing.is_empty(), "{differing:?} differ");
 }
 
+/// Writes the description of a study's results without its checksum, as earlier versions did and as
+/// somebody does who edits it on purpose.
+pub(crate) fn write_manifest_without_checksum(path: &Path, text: &str) {
+    let (fields, _) = text
+        .rsplit_once(",\n  \"sha256\": \"")
+        .expect("a manifest has a checksum");
+    fs::write(path, format!("{fields}\n}}\n")).unwrap();
+}
+
 /// Runs a command with a hidden option `--abort-after-…` and asserts that the process aborts. This
 /// simulates a crash at a known time: an aborted process does not clean up.
 pub(crate) fn crash(mut command: Command) {

@@ -34,6 +34,9 @@ pub(super) enum RecordingError {
     /// The checkpoint has another number of agents, other axes or other panels.
     #[error("the checkpoint belongs to another scenario")]
     OtherScenario,
+    /// The messages of the file have other bytes when they are written again.
+    #[error("the file was written by another version of Rerun")]
+    OtherBytes,
     /// The file is shorter than it was at the checkpoint.
     #[error("the file ends before the checkpoint: it has {found} of {expected} messages")]
     EndsEarly {

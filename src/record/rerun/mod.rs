@@ -50,6 +50,7 @@ use self::samples::VisitationStyle;
 pub use self::serve::Server;
 use self::sink::{MessageBytes, Sink, Storage};
 use self::writers::{Due, Writers};
+use super::written::WrittenFile;
 use super::{
     Attempt, RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord, RunInfo,
 };
@@ -215,6 +216,7 @@ impl RerunRecorder {
     fn save(&mut self) -> Result<Vec<u8>, RecordingError> {
         self.sink.sync()?;
         self.state.messages = self.sink.message_count();
+        self.state.written = self.sink.written();
         let mut unwritten = MessageBytes::new(self.sink.store_id())?;
         let mut rows = self.writers.clone();
         rows.write(&self.style, Due::All, &mut |chunk| unwritten.add(&chunk))?;
@@ -251,6 +253,13 @@ impl Recorder for RerunRecorder {
             .map_err(|error| self.paths.error(Attempt::Write, &error))
     }
 
+    fn written_files(&self) -> Vec<WrittenFile> {
+        vec![WrittenFile {
+            path: self.paths.part.clone(),
+            written: self.state.written,
+        }]
+    }
+
     fn finish(&mut self) -> Result<(), RecordError> {
         self.complete()
             .map_err(|error| self.paths.error(Attempt::Write, &error))
@@ -262,10 +271,14 @@ impl Recorder for RerunRecorder {
 }
 
 /// If the recorder is dropped before the recording is complete, everything recorded so far is
-/// written to `run.rrd.part`.
+/// written to `run.rrd.part`. Nothing is added to what the newest checkpoint describes, not even an
+/// index, because only that can be verified.
 impl Drop for RerunRecorder {
     fn drop(&mut self) {
         drop(self.write_chunks(Due::All));
+        if self.sink.written() == self.state.written {
+            self.sink.leave_without_index();
+        }
     }
 }
 

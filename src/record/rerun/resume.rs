@@ -21,9 +21,10 @@ use super::sink::Sink;
 use crate::record::RecordingSettings;
 use crate::record::RunInfo;
 use crate::record::visitation::AgentVisits;
+use crate::record::written::Written;
 
 /// Version of the order and types of the fields of [`State`].
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 
 /// What a recorder needs to resume, in addition to its file.
 #[derive(Serialize, Deserialize)]
@@ -32,6 +33,8 @@ pub(super) struct State {
     format: u32,
     /// Number of messages in the file at the checkpoint.
     pub(super) messages: u64,
+    /// What the file began with at the checkpoint.
+    pub(super) written: Written,
     /// The rows that are not in the file yet: [`MessageBytes`](super::sink::MessageBytes).
     pub(super) unwritten: Vec<u8>,
     /// Unique id of the recording.
@@ -63,6 +66,7 @@ impl State {
         Self {
             format: FORMAT,
             messages: 0,
+            written: Written::default(),
             unwritten: Vec::new(),
             recording_id: format!("{}-{}", info.name, random_suffix()),
             next_steps: vec![0; agents],
@@ -130,14 +134,29 @@ fn random_suffix() -> String {
 /// checkpoint to it. If `part` does not exist, the messages are copied from `done`.
 pub(super) fn reopen(part: &Path, done: &Path, state: &mut State) -> Result<Sink, RecordingError> {
     let source = if part.exists() { part } else { done };
+    state.written.check(source)?;
     let new_part = part.with_extension("resuming");
+    let copied = copy(source, &new_part, state);
+    if copied.is_err() {
+        // Only the first failure is reported.
+        drop(fs::remove_file(&new_part));
+    }
+    let sink = copied?;
+    fs::rename(&new_part, part)?;
+    Ok(sink)
+}
+
+fn copy(source: &Path, new_part: &Path, state: &mut State) -> Result<Sink, RecordingError> {
     let (store, agents) = (state.store_id(), state.visits.len() as u32);
-    let mut sink = Sink::new(store, agents, Box::new(File::create(&new_part)?))?;
+    let mut sink = Sink::new(store, agents, Box::new(File::create(new_part)?))?;
     copy_messages(source, state.messages, &mut sink)?;
+    // The checkpoint must also describe the new file, in case the run is stopped before the next one.
+    if sink.written() != state.written {
+        return Err(RecordingError::OtherBytes);
+    }
     sink.send_encoded(&std::mem::take(&mut state.unwritten))?;
     state.states_since_write = 0;
     sink.sync()?;
-    fs::rename(&new_part, part)?;
     Ok(sink)
 }
 

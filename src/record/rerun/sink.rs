@@ -9,6 +9,7 @@
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 
 use rerun::StoreId;
 use rerun::external::re_log_encoding::rrd::{
@@ -19,6 +20,7 @@ use rerun::log::{Chunk, LogMsg};
 use super::error::RecordingError;
 use super::live::Viewer;
 use super::serve::{RunningServer, Server};
+use crate::record::written::{Written, WrittenHash};
 
 /// The file to which encoded messages are written, or a replacement in tests.
 pub(super) trait Storage: Write + Send {
@@ -54,6 +56,8 @@ pub(super) struct Sink {
     max_indexed_messages: u64,
     /// Number of bytes of the header and all messages.
     length: u64,
+    /// Hash of all bytes that the encoder has written.
+    hash: Arc<Mutex<WrittenHash>>,
     /// The error of the first failed call, which all later calls return.
     error: Option<RecordingError>,
     viewer: Option<Viewer>,
@@ -68,7 +72,11 @@ impl Sink {
         agents: u32,
         storage: Box<dyn Storage>,
     ) -> Result<Self, RecordingError> {
-        let encoder = new_encoder(SyncOnFlush { storage })?;
+        let hash = Arc::new(Mutex::new(WrittenHash::new()));
+        let encoder = new_encoder(SyncOnFlush {
+            storage,
+            hash: Arc::clone(&hash),
+        })?;
         let length = StreamHeader::ENCODED_SIZE_BYTES as u64;
         Ok(Self {
             store_id,
@@ -76,6 +84,7 @@ impl Sink {
             message_count: 0,
             max_indexed_messages: MAX_INDEX_SIZE / u64::from(agents.max(1)),
             length,
+            hash,
             error: None,
             viewer: None,
             server: None,
@@ -164,6 +173,21 @@ impl Sink {
         self.with_encoder(Encoder::flush_blocking)
     }
 
+    /// What has been written of the file.
+    ///
+    /// # Panics
+    /// Never: no thread panics while it adds bytes.
+    pub(super) fn written(&self) -> Written {
+        self.hash.lock().expect(HASH_IS_INTACT).written()
+    }
+
+    /// Leaves the file without an index if it is dropped as it is now.
+    pub(super) fn leave_without_index(&mut self) {
+        if let Some(encoder) = &mut self.encoder {
+            encoder.do_not_emit_footer();
+        }
+    }
+
     /// Completes the file: writes the index at its end, unless the file has too many messages for one.
     pub(super) fn finish(&mut self) -> Result<(), RecordingError> {
         self.with_encoder(|encoder| {
@@ -242,14 +266,20 @@ fn new_encoder<W: Write>(storage: W) -> Result<Encoder<W>, EncodeError> {
     Encoder::new_eager(CrateVersion::LOCAL, options, storage)
 }
 
-/// A writer whose flush also syncs its storage.
+/// Why the hash of a file can be locked.
+const HASH_IS_INTACT: &str = "no thread panics while it adds bytes";
+
+/// A writer whose flush also syncs its storage, and which hashes what it writes.
 struct SyncOnFlush {
     storage: Box<dyn Storage>,
+    hash: Arc<Mutex<WrittenHash>>,
 }
 
 impl Write for SyncOnFlush {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.storage.write(bytes)
+        let count = self.storage.write(bytes)?;
+        self.hash.lock().expect(HASH_IS_INTACT).add(&bytes[..count]);
+        Ok(count)
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -262,7 +292,6 @@ impl Write for SyncOnFlush {
 mod tests {
     use std::io::Cursor;
     use std::sync::atomic::{AtomicUsize, Ordering};
-    use std::sync::{Arc, Mutex};
 
     use rerun::{EntityPath, TextDocument};
 

@@ -9,9 +9,11 @@ pub mod condition;
 pub mod recording_stats;
 pub mod selection;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
+use serde::de::DeserializeOwned;
+
+use super::checksums::{Checksums, DamagedFile};
 use super::folder::{RunFolder, run_folder};
 use super::overview;
 use super::summary::{FINAL_WINDOW, Summary};
@@ -37,6 +39,8 @@ pub struct LoadedRun {
     pub episodes: Vec<EpisodeRow>,
     /// Rows of `rounds.csv` in the order of updates; empty if there is only a recording.
     pub rounds: Vec<RoundRow>,
+    /// What is incomplete in the files or cannot be verified, for people.
+    pub warnings: Vec<String>,
 }
 
 /// Why a run cannot be read back.
@@ -61,6 +65,9 @@ pub enum LoadRunError {
     /// There is no such file or directory.
     #[error("no such file or directory: {0}")]
     Missing(PathBuf),
+    /// A file is damaged, or was changed after it was written.
+    #[error(transparent)]
+    Damaged(#[from] DamagedFile),
     /// A table is not in seedbed's format.
     #[error(transparent)]
     Table(#[from] TableError),
@@ -88,18 +95,23 @@ impl LoadedRun {
         } else {
             recording_in(&folder)
         };
+        let checksums = Checksums::read(&folder)?;
         let recording = recording
-            .map(|path| RecordedStates::open(&path))
+            .map(|path| {
+                checksums.verify(&path)?;
+                Ok::<_, LoadRunError>(RecordedStates::open(&path)?)
+            })
             .transpose()?;
         let [episodes, rounds] = folder.table_files();
         if !episodes.is_file() && recording.is_none() {
             return Err(no_run(path));
         }
         let has_tables = episodes.is_file() && rounds.is_file();
-        let summary = fs::read_to_string(folder.summary_file())
-            .ok()
-            .filter(|_| has_tables);
-        let summary: Option<Summary> = summary.and_then(|text| serde_json::from_str(&text).ok());
+        let summary = if has_tables {
+            Summary::read(&folder)?
+        } else {
+            None
+        };
         Ok(Self {
             path: if path.is_file() {
                 path.to_owned()
@@ -108,18 +120,11 @@ impl LoadedRun {
             },
             is_finished: summary.is_some(),
             summary,
-            recording,
-            episodes: if has_tables {
-                table::read(&episodes)?
-            } else {
-                Vec::new()
-            },
-            rounds: if has_tables {
-                table::read(&rounds)?
-            } else {
-                Vec::new()
-            },
+            episodes: read_table(&checksums, &episodes, has_tables)?,
+            rounds: read_table(&checksums, &rounds, has_tables)?,
             folder: has_tables.then_some(folder),
+            warnings: warnings(recording.as_ref(), &checksums),
+            recording,
         })
     }
 
@@ -127,18 +132,19 @@ impl LoadedRun {
     /// that they agree with the states while the run is in progress and after a crash.
     fn of_state_files(folder: RunFolder) -> Result<Self, LoadRunError> {
         let files = StateFiles::open_folder(folder.path())?;
-        let summary = fs::read_to_string(folder.summary_file()).ok();
         let [_, rounds] = folder.table_files();
         Ok(Self {
             path: folder.path().to_owned(),
-            is_finished: summary.is_some(),
-            summary: summary.and_then(|text| serde_json::from_str(&text).ok()),
+            is_finished: folder.summary_file().is_file(),
+            // It is for other tools, and everything in it is in the files.
+            summary: None,
             episodes: files.episode_rows().to_vec(),
             rounds: if rounds.is_file() {
                 table::read(&rounds)?
             } else {
                 Vec::new()
             },
+            warnings: files.warnings().to_vec(),
             recording: Some(RecordedStates::StateFiles(files)),
             folder: Some(folder),
         })
@@ -148,13 +154,6 @@ impl LoadedRun {
     #[must_use]
     pub fn state_files(&self) -> Option<&StateFiles> {
         self.recording.as_ref()?.state_files()
-    }
-
-    /// What is incomplete in the files, for people.
-    #[must_use]
-    pub fn warnings(&self) -> &[String] {
-        let recording = self.recording.as_ref();
-        recording.map_or(&[], RecordedStates::warnings)
     }
 
     /// Name of the run, e.g. `cartpole, run seed 0`.
@@ -204,6 +203,25 @@ impl LoadedRun {
     pub fn team_returns(&self) -> Vec<f64> {
         team_returns(&self.episodes, self.agent_count())
     }
+}
+
+/// The rows of a table; none if the run has no tables.
+fn read_table<R: DeserializeOwned>(
+    checksums: &Checksums,
+    path: &Path,
+    has_tables: bool,
+) -> Result<Vec<R>, LoadRunError> {
+    if !has_tables {
+        return Ok(Vec::new());
+    }
+    checksums.verify(path)?;
+    Ok(table::read(path)?)
+}
+
+fn warnings(recording: Option<&RecordedStates>, checksums: &Checksums) -> Vec<String> {
+    let incomplete = recording.map_or(&[][..], RecordedStates::warnings);
+    let unverified = checksums.warning().map(str::to_owned);
+    incomplete.iter().cloned().chain(unverified).collect()
 }
 
 /// Mean over agents of the return of their n-th episode, for each n that all agents have finished.

@@ -11,6 +11,7 @@ use super::source::SolvedAt;
 use super::{Problem, Settings};
 use crate::record::RoundRow;
 use crate::record::table;
+use crate::run::checksums::Checksums;
 use crate::run::folder::RunFolder;
 use crate::run::summary::Summary;
 use crate::study::measure::Curve;
@@ -43,8 +44,11 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
         )
         .into());
     }
+    let checksums = Checksums::read(&run_folder).map_err(InputError::from)?;
+    let verify = |path: &Path| checksums.verify(path).map_err(InputError::from);
+    verify(&episodes_path)?;
     let file = DataFile::read(folder, &episodes_path)?;
-    let mut warnings = Vec::new();
+    let mut warnings: Vec<String> = checksums.warning().map(str::to_owned).into_iter().collect();
     if file.complete_lines().1 {
         warnings.push(incomplete_line_warning(&file));
     }
@@ -53,6 +57,7 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
     let mut rounds: Vec<RoundRow> = Vec::new();
     let has_rounds = rounds_path.is_file();
     if has_rounds {
+        verify(&rounds_path)?;
         files.push(DataFile::read(folder, &rounds_path)?.hash);
         let rows = table::read(&rounds_path);
         rounds = rows.map_err(|error| file_error(&rounds_path, error.reason))?;
@@ -60,6 +65,7 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
     let mut threshold = settings.solved;
     let summary_path = run_folder.summary_file();
     if summary_path.is_file() {
+        verify(&summary_path)?;
         let file = DataFile::read(folder, &summary_path)?;
         threshold = threshold.or(threshold_of(&file)?);
         files.push(file.hash);

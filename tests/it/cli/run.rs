@@ -12,6 +12,7 @@ fn a_run_writes_its_files() {
     let output = small_run(&path, &[]);
     assert!(output.status.success(), "{}", stderr(&output));
     let expected = [
+        "SHA256SUMS",
         "checkpoint",
         "envs",
         "episodes.csv",

@@ -37,6 +37,7 @@ fn a_tabular_run_writes_its_files() {
     assert_eq!(
         names_in(&path),
         [
+            "SHA256SUMS",
             "regret.csv",
             "run.rrd",
             "scenario.ron",

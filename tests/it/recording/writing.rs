@@ -127,8 +127,9 @@ fn resume_explains_invalid_checkpoints_and_recordings() {
     );
     set_file_length(&path, length_at_checkpoint / 2);
     let error = resume_error(&run, &checkpoint);
+    let expected = format!("shorter than the {length_at_checkpoint} bytes of its checkpoint");
     assert!(
-        error.starts_with("cannot resume ") && error.contains("ends before the checkpoint"),
+        error.starts_with("cannot resume ") && error.ends_with(&expected),
         "{error}"
     );
 }
