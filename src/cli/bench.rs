@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use super::memory;
 use super::{BenchArgs, CliError, pluralize};
 use seedbed::input_files::{self, Directory};
+use seedbed::run::thread_count;
 use seedbed::study::bench::{Bench, BenchReport, BenchTable, Column};
 use seedbed::study::experiment::{self, Experiment};
 use seedbed_stats::MIN_RUNS;
@@ -15,6 +17,9 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     let Some(first) = experiments.first() else {
         return Ok(());
     };
+    if !args.ignore_memory {
+        check_memory(args, &experiments)?;
+    }
     let report = first.bench_report();
     let printer = TablePrinter::new(&experiments);
     let benches = run_all(&printer, report, &experiments, args)?;
@@ -52,6 +57,18 @@ fn load_scenarios(args: &BenchArgs) -> Result<Vec<Arc<dyn Experiment>>, CliError
         )));
     }
     Ok(experiments)
+}
+
+/// An error if the largest runs, as many at once as there are threads, need more memory than there is.
+fn check_memory(args: &BenchArgs, experiments: &[Arc<dyn Experiment>]) -> Result<(), CliError> {
+    let largest = experiments
+        .iter()
+        .map(|experiment| experiment.memory())
+        .max();
+    let jobs = thread_count(args.jobs.map_or(0, usize::from));
+    let at_once = jobs.min(args.seeds as usize);
+    let what = format!("{} at once", pluralize(at_once, "run"));
+    memory::check(&what, largest.unwrap_or(0).saturating_mul(at_once as u64))
 }
 
 /// Runs one scenario after the other and prints the results of each as soon as it is finished.

@@ -310,6 +310,9 @@ struct BenchArgs {
     /// Continue each run after its task is solved, to the scenario's maximum number of episodes
     #[arg(long)]
     whole: bool,
+    /// Start even if the runs seem to need more memory than there is
+    #[arg(long)]
+    ignore_memory: bool,
     /// Replace one value of every scenario, e.g. agents.count=16; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,

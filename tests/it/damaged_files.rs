@@ -157,7 +157,12 @@ fn assert_refused_or_same(
     }
 }
 
-const RUN_SETTINGS: [&str; 3] = ["agents.count=2", "stop=Episodes(6)", "checkpoint_every=2"];
+const RUN_SETTINGS: [&str; 4] = [
+    "agents.count=2",
+    "stop=Episodes(6)",
+    "checkpoint_every=2",
+    "checkpoint_share=1",
+];
 
 fn plan() -> Plan {
     let scenario = Path::new(REPOSITORY).join("scenarios/cartpole.ron");

@@ -232,7 +232,7 @@ fn assert_one_error(output: &Output, path: &Path, place: &str) {
     assert!(error.contains(path.to_str().unwrap()), "{place}: {error}");
 }
 
-const RUN: [&str; 11] = [
+const RUN: [&str; 13] = [
     "run",
     "scenarios/cartpole.ron",
     "--set",
@@ -241,6 +241,8 @@ const RUN: [&str; 11] = [
     "stop=Episodes(3)",
     "--set",
     "checkpoint_every=1",
+    "--set",
+    "checkpoint_share=1",
     "--quiet",
     "--threads",
     "1",

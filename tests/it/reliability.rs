@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use rerun::TimelineName;
@@ -15,13 +15,15 @@ use rerun::log::{Chunk, LogMsg};
 
 use super::util::{REPOSITORY, assert_same_results, command, crash, run_command, stderr};
 
-const SHORT_RUN: [&str; 6] = [
+const SHORT_RUN: [&str; 8] = [
     "--set",
     "agents.count=2",
     "--set",
     "stop=Episodes(60)",
     "--set",
     "checkpoint_every=5",
+    "--set",
+    "checkpoint_share=1",
 ];
 
 /// Numbers of the recorded steps, by entity `/raw/agent_K`, up to the first message that cannot be
@@ -304,6 +306,31 @@ fn a_port_in_use_is_one_error_before_the_run_starts() {
     assert!(!out.exists());
 }
 
+/// Starts a run with `--serve=0`. Returns its process, its further output, and the address at which it
+/// serves.
+fn start_serving(run: &mut Command) -> (Child, BufReader<ChildStdout>, String) {
+    let mut run = run
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut printed = BufReader::new(run.stdout.take().unwrap());
+    let mut line = String::new();
+    printed.read_line(&mut line).unwrap();
+    let address = line.strip_prefix("serving    rerun+http://");
+    let address = address.and_then(|line| line.split_once("/proxy; connect a viewer with: "));
+    let address = address.unwrap().0.to_owned();
+    (run, printed, address)
+}
+
+/// Waits for the end of a run that must succeed.
+fn finish(mut run: Child, mut printed: BufReader<ChildStdout>) {
+    let mut output = String::new();
+    printed.read_to_string(&mut output).unwrap();
+    let is_success = run.wait().unwrap().success();
+    assert!(is_success && output.starts_with("finished "), "{output}");
+}
+
 /// Results and recorded steps are the same with `--serve`, even if a client connects and never
 /// sends a request.
 #[test]
@@ -314,34 +341,35 @@ fn results_do_not_depend_on_serving_viewers() {
         folder.path().join("served"),
     );
     let mut run = run_command(&served, &[&SHORT_RUN[..], &["--serve=0"]].concat());
-    let mut run = run
-        .stdout(Stdio::piped())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let (mut printed, mut line, mut remaining_output) = (
-        BufReader::new(run.stdout.take().unwrap()),
-        String::new(),
-        String::new(),
-    );
-    printed.read_line(&mut line).unwrap();
-    let address = line
-        .strip_prefix("serving    rerun+http://")
-        .and_then(|line| line.split_once("/proxy; connect a viewer with: "))
-        .unwrap()
-        .0;
+    let (run, printed, address) = start_serving(&mut run);
     let unresponsive_viewer = TcpStream::connect(address).unwrap();
-    printed.read_to_string(&mut remaining_output).unwrap();
-    assert!(
-        run.wait().unwrap().success() && remaining_output.starts_with("finished "),
-        "{remaining_output}"
-    );
+    finish(run, printed);
     drop(unresponsive_viewer);
     assert_same_results(&uninterrupted, &served);
     assert_eq!(
         recorded_steps(&uninterrupted.join("run.rrd")),
         recorded_steps(&served.join("run.rrd"))
     );
+}
+
+/// The process may open 200 files. Clients beyond those that it accepts do not take them away from the
+/// run, which writes its checkpoints and results.
+#[test]
+#[cfg(target_os = "linux")]
+fn more_clients_than_files_that_may_be_open_do_not_end_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let command = format!(
+        "ulimit -n 200; exec {} run scenarios/cartpole.ron --out {} {} --serve=0",
+        env!("CARGO_BIN_EXE_seedbed"),
+        folder.path().join("run").display(),
+        SHORT_RUN.join(" ").replace('(', "'('").replace(')', "')'"),
+    );
+    let mut run = Command::new("sh");
+    run.args(["-c", &command]).current_dir(REPOSITORY);
+    let (run, printed, address) = start_serving(&mut run);
+    let clients: Vec<_> = (0..400).map(|_| TcpStream::connect(&address)).collect();
+    finish(run, printed);
+    assert!(clients.iter().filter(|client| client.is_ok()).count() > 200);
 }
 
 /// Runs 32 random agents, and returns the peak resident memory of the process in bytes.

@@ -25,6 +25,9 @@ pub(super) enum RecordingError {
         "the environment variable RERUN turns recordings off: unset it, or use `--no-recording`"
     )]
     TurnedOff,
+    /// Rerun's numbers of rows contain the time since 1970.
+    #[error("the clock of this system is before 1970: set it, or use `--no-recording`")]
+    ClockBefore1970,
     /// Nothing can be added to a complete recording.
     #[error("the recording is already complete")]
     Complete,

@@ -39,6 +39,7 @@ mod writers;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use self::error::RecordingError;
 use self::layouts::Layouts;
@@ -110,6 +111,14 @@ pub struct RerunRecorder {
     state: State,
 }
 
+/// An error if Rerun would panic, because it cannot represent this time.
+fn check_clock(now: SystemTime) -> Result<(), RecordingError> {
+    if now < SystemTime::UNIX_EPOCH {
+        return Err(RecordingError::ClockBefore1970);
+    }
+    Ok(())
+}
+
 #[derive(Clone, Debug)]
 struct Paths {
     /// Path of the file while it is written, which ends in `.part`.
@@ -129,8 +138,8 @@ impl RerunRecorder {
         settings: &RecordingSettings,
     ) -> Result<Self, RecordError> {
         let paths = Paths::of(path);
-        let started = File::create(&paths.part)
-            .map_err(RecordingError::from)
+        let started = check_clock(SystemTime::now())
+            .and_then(|()| Ok(File::create(&paths.part)?))
             .and_then(|file| Self::start(paths.clone(), Box::new(file), info, settings));
         started.map_err(|error| paths.error(Attempt::Write, &error))
     }
@@ -148,6 +157,7 @@ impl RerunRecorder {
     ) -> Result<Self, RecordError> {
         let paths = Paths::of(path);
         let resumed = State::from_bytes(bytes).and_then(|mut state| {
+            check_clock(SystemTime::now())?;
             state.check(info, settings)?;
             let sink = resume::reopen(&paths.part, &paths.done, &mut state)?;
             Self::from_parts(paths.clone(), sink, info, settings, state)
@@ -298,5 +308,20 @@ impl Paths {
             attempt,
             reason: error.to_string(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn a_clock_before_1970_is_an_error() {
+        let epoch = SystemTime::UNIX_EPOCH;
+        assert_eq!(check_clock(epoch), Ok(()));
+        let before = epoch.checked_sub(Duration::from_secs(1)).unwrap();
+        assert_eq!(check_clock(before), Err(RecordingError::ClockBefore1970));
     }
 }

@@ -22,7 +22,7 @@ use rerun::external::re_log_encoding::rrd::DecoderTransport;
 use tokio::fs::File;
 use tokio::io::AsyncReadExt;
 use tokio::runtime::{Builder, Runtime};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{Semaphore, mpsc, watch};
 use tokio::task::JoinHandle;
 use tonic::codegen::tokio_stream::StreamExt;
 use tonic::codegen::tokio_stream::wrappers::ReceiverStream;
@@ -44,6 +44,10 @@ const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(10);
 
 /// Maximum time for the response to a keepalive ping.
 const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(20);
+
+/// Maximum number of connections at once; further ones are closed. Each has the recording open, too,
+/// and a process may open few files (often 1024), of which the run needs some itself.
+const MAX_CONNECTIONS: usize = 64;
 
 /// Maximum number of messages that wait for one viewer. The largest messages have about 100 kB.
 const CHANNEL_CAPACITY: usize = 16;
@@ -127,9 +131,10 @@ async fn serve_until_complete(
     let server = tonic::transport::Server::builder()
         .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
         .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT));
+    let places = Arc::new(Semaphore::new(MAX_CONNECTIONS));
     let connections = TcpIncoming::from(listener)
         .with_nodelay(Some(true))
-        .map(|stream| stream.map(ViewerConnection::new));
+        .map(|stream| stream.and_then(|stream| ViewerConnection::new(stream, &places)));
     let completion = async move { drop(progress.wait_for(|progress| progress.complete).await) };
     // Errors of connections are ignored, because the file is complete without viewers.
     drop(

@@ -2,10 +2,12 @@
 
 use std::io;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::transport::server::Connected;
 
 /// A connection to a viewer.
@@ -19,14 +21,19 @@ pub(super) struct ViewerConnection {
     stream: TcpStream,
     /// Whether the viewer was told that nothing more will be sent.
     end_is_announced: bool,
+    /// One of the connections that may be open at once.
+    _permit: OwnedSemaphorePermit,
 }
 
 impl ViewerConnection {
-    pub(super) fn new(stream: TcpStream) -> Self {
-        Self {
+    /// An error if too many connections are open; then `stream` is closed.
+    pub(super) fn new(stream: TcpStream, places: &Arc<Semaphore>) -> io::Result<Self> {
+        let permit = Arc::clone(places).try_acquire_owned();
+        Ok(Self {
             stream,
             end_is_announced: false,
-        }
+            _permit: permit.map_err(io::Error::other)?,
+        })
     }
 
     /// Reads and ignores bytes until the viewer has closed the connection.

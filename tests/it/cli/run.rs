@@ -69,7 +69,7 @@ fn a_run_that_does_not_fit_in_memory_is_refused_before_it_starts() {
     );
     assert!(!path.exists());
     // The estimate is rough: agents without networks need less than agents with networks.
-    let team = "--set agents.count=1400 --set algorithm=Random";
+    let team = "--set agents.count=1600 --set algorithm=Random";
     assert_eq!(run(team).status.code(), Some(2));
     let insisted = run(&format!("{team} --ignore-memory"));
     assert!(insisted.status.success(), "{}", stderr(&insisted));

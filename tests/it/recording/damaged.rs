@@ -84,7 +84,7 @@ fn flipped_bits_never_panic() {
     let intact = recording_bytes(folder.path());
     let path = folder.path().join("run.rrd");
     let mut errors = 0;
-    for byte in (0..intact.len()).step_by(intact.len() / 1500) {
+    for byte in (0..intact.len()).step_by(intact.len() / 300) {
         let mut bytes = intact.clone();
         bytes[byte] ^= 1 << (byte % 8);
         if let Err(error) = read(&path, &bytes) {
@@ -92,5 +92,5 @@ fn flipped_bits_never_panic() {
             assert!(error.to_string().contains("run.rrd"), "{byte}: {error}");
         }
     }
-    assert!(errors > 100, "{errors}");
+    assert!(errors > 20, "{errors}");
 }

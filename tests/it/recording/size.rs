@@ -49,7 +49,6 @@ fn recordings_of_short_episodes_take_few_bytes_per_state() {
         "algorithm=Random",
         "stop=Episodes(300)",
         "checkpoint_every=25",
-        "--set",
         "checkpoint_share=1",
     ];
     let folder = tempfile::tempdir().unwrap();
