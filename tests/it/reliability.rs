@@ -362,7 +362,7 @@ fn more_clients_than_files_that_may_be_open_do_not_end_the_run() {
         "ulimit -n 200; exec {} run scenarios/cartpole.ron --out {} {} --serve=0",
         env!("CARGO_BIN_EXE_seedbed"),
         folder.path().join("run").display(),
-        SHORT_RUN.join(" ").replace('(', "'('").replace(')', "')'"),
+        SHORT_RUN.join(" ").replace("(60)", "'(600)'"),
     );
     let mut run = Command::new("sh");
     run.args(["-c", &command]).current_dir(REPOSITORY);
