@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::error::InputError;
+use super::limits::{MAX_TEXT_BYTES, read_text as read_limited};
 
 /// Where task files, and the files that they extend, are read.
 pub trait FileSource {
@@ -54,8 +55,8 @@ impl FileSource for Disk {
 /// # Errors
 /// The file cannot be read.
 pub fn read_text(path: &Path) -> Result<String, InputError> {
-    let text =
-        std::fs::read_to_string(path).map(|text| text.trim_start_matches('\u{feff}').to_owned());
+    let text = read_limited(path, MAX_TEXT_BYTES)
+        .map(|text| text.trim_start_matches('\u{feff}').to_owned());
     text.map_err(|error| InputError {
         origin: path.display().to_string(),
         position: None,
