@@ -40,6 +40,46 @@ pub fn shell_word(word: &str) -> Cow<'_, str> {
     shlex::try_quote(word).unwrap_or(Cow::Borrowed(word))
 }
 
+/// Text as a cell of a Markdown table: on one line, without the beginning of an HTML element.
+#[must_use]
+pub fn markdown_cell(text: &str) -> String {
+    let mut cell = String::new();
+    let mut characters = text.chars().peekable();
+    while let Some(character) = characters.next() {
+        let next = characters.peek();
+        let begins_element = |next: &char| next.is_ascii_alphabetic() || "/!?".contains(*next);
+        match character {
+            '|' => cell += "\\|",
+            '<' if next.is_some_and(begins_element) => cell += "&lt;",
+            other if other.is_control() => cell.push(' '),
+            other => cell.push(other),
+        }
+    }
+    cell
+}
+
+/// What the text of a cell begins with that spreadsheets take for a formula, and the mark for text.
+const NOT_PLAIN_TEXT: [char; 7] = ['=', '+', '-', '@', '\t', '\r', '\''];
+
+/// Text as a cell of a CSV table that a spreadsheet shows as text and never takes for a formula: an
+/// apostrophe is put before it if needed. [`from_spreadsheet_cell`] is the inverse.
+#[must_use]
+pub fn spreadsheet_cell(text: &str) -> Cow<'_, str> {
+    if text.starts_with(NOT_PLAIN_TEXT) {
+        Cow::Owned(format!("'{text}"))
+    } else {
+        Cow::Borrowed(text)
+    }
+}
+
+/// The text of a [`spreadsheet_cell`].
+#[must_use]
+pub fn from_spreadsheet_cell(cell: &str) -> &str {
+    let text = cell.strip_prefix('\'');
+    text.filter(|text| text.starts_with(NOT_PLAIN_TEXT))
+        .unwrap_or(cell)
+}
+
 /// The lines of a table, with two spaces between columns. The first column is aligned to the left,
 /// the others to the right. All rows have as many cells as the first one.
 #[must_use]
@@ -69,6 +109,30 @@ mod tests {
         let rows = [["run", "σ"], ["a", "0.5"]].map(|row| row.map(str::to_owned).to_vec());
         assert_eq!(align_columns(&rows), ["run    σ", "a    0.5"]);
         assert!(align_columns(&[]).is_empty());
+    }
+
+    #[test]
+    fn markdown_cells_have_no_lines_and_no_elements() {
+        assert_eq!(
+            markdown_cell("a|b\nc <script>x</script> p < 0.01 <3"),
+            "a\\|b c &lt;script>x&lt;/script> p < 0.01 <3"
+        );
+    }
+
+    #[test]
+    fn spreadsheet_cells_are_no_formulas_and_can_be_read_back() {
+        for text in [
+            "=1+1", "+x", "-x", "@x", "\tx", "\rx", "'x", "''", "'=1", "plain", "σ = 1", "",
+        ] {
+            let cell = spreadsheet_cell(text);
+            assert!(
+                !cell.starts_with(['=', '+', '-', '@', '\t', '\r']),
+                "{cell}"
+            );
+            assert_eq!(from_spreadsheet_cell(&cell), text);
+        }
+        assert_eq!(spreadsheet_cell("=1+1"), "'=1+1");
+        assert_eq!(spreadsheet_cell("plain"), "plain");
     }
 
     #[test]

@@ -26,6 +26,7 @@ mod film;
 mod inspect;
 mod interruption;
 mod list;
+mod memory;
 mod new;
 mod plot;
 mod preview;
@@ -83,9 +84,11 @@ enum Command {
     #[command(after_help = "Examples:
   seedbed check scenarios/*.ron envs/*.ron
   seedbed check cartpole
-  seedbed check scenarios/thesis/fig_6_4a.ron")]
+  seedbed check scenarios/thesis/fig_6_4a.ron
+  sed 's/0.5/0.6/' envs/cartpole.ron | seedbed check -")]
     Check {
-        /// RON files: scenarios, environments or studies; or names of scenarios and environments
+        /// RON files: scenarios, environments or studies; names of scenarios and environments; or `-` for
+        /// the standard input
         #[arg(required = true, value_name = "FILE")]
         files: Vec<PathBuf>,
     },
@@ -175,7 +178,7 @@ Existing files are never overwritten.")]
   seedbed run cartpole --set 'stop=Episodes(20000)' --live
                                                  show it in a viewer that is already running (`rerun`)")]
 struct RunArgs {
-    /// Scenario file, or the name of a scenario (`seedbed list scenarios`)
+    /// Scenario file, the name of a scenario (`seedbed list scenarios`), or `-` for the standard input
     scenario: PathBuf,
     /// Use this run seed instead of the scenario's
     #[arg(long, value_name = "N")]
@@ -183,6 +186,9 @@ struct RunArgs {
     /// Write results to this directory [default: recordings/<scenario>/seed-<N>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Start even if the run seems to need more memory than there is
+    #[arg(long)]
+    ignore_memory: bool,
     /// Number of threads; results do not depend on it [default: number of cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -366,6 +372,9 @@ struct StudyArgs {
     /// Repeat runs that failed before
     #[arg(long)]
     retry: bool,
+    /// Start even if the runs seem to need more memory than there is
+    #[arg(long)]
+    ignore_memory: bool,
     /// Repeat N stored runs and check that results are bit-identical; stored results are not
     /// changed [default: 10]
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "10")]
@@ -536,6 +545,14 @@ fn open_run(path: &Path) -> Result<LoadedRun, CliError> {
         note!("warning: {warning}");
     }
     Ok(run)
+}
+
+/// Warning that nothing keeps two processes from writing to `folder`.
+fn warning_without_locks(folder: &Path) -> String {
+    format!(
+        "warning: the file system of {} has no locks; let no other process write to this directory",
+        folder.display()
+    )
 }
 
 fn say_line(line: std::fmt::Arguments<'_>) {

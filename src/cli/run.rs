@@ -4,12 +4,14 @@ use std::path::Path;
 use std::time::Instant;
 
 use super::interruption::StopRequests;
+use super::memory;
 use super::progress::{AbortAfter, NoProgress, RunProgress};
-use super::{CliError, RunArgs, pluralize};
+use super::{CliError, RunArgs, pluralize, warning_without_locks};
 use seedbed::input_files::{self, Directory};
 use seedbed::record::RecorderFactory;
 use seedbed::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
-use seedbed::run::folder::{Contents, FolderLock, RunFolder};
+use seedbed::run::file_lock::FileLock;
+use seedbed::run::folder::{Contents, RunFolder};
 use seedbed::run::{Observer, Options, RunError};
 use seedbed::study::experiment::{self, Experiment, RunEnding, RunReport};
 use seedbed::text::shell_word;
@@ -22,6 +24,9 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     let folder = args.out.clone();
     let folder = RunFolder::new(folder.unwrap_or_else(|| experiment.default_folder()));
     check_save_initial(args, &*experiment)?;
+    if !args.ignore_memory {
+        memory::check("this run", experiment.memory())?;
+    }
     let live = live_target(args, &*experiment)?;
     let lock = prepare_output_folder(args, &folder)?;
     let options = Options {
@@ -44,11 +49,14 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     let ending = experiment.run_in_folder(&options, recorder_factory, &mut *observer, interrupted);
     drop((observer, stop_requests));
     match ending.map_err(|error| with_resume_hint(error, args, &options.folder))? {
-        RunEnding::Interrupted { after, can_resume } => {
-            Err(interruption_error(&after, can_resume, args))
-        }
+        RunEnding::Interrupted { after, can_resume } => Err(interruption_error(
+            &after,
+            can_resume,
+            args,
+            &options.folder,
+        )),
         RunEnding::Finished(report) => {
-            lock.release()
+            lock.remove()
                 .map_err(|error| CliError::Runtime(error.to_string()))?;
             if !args.quiet {
                 let seconds = started.elapsed().as_secs_f64();
@@ -131,9 +139,14 @@ fn live_target(
     Ok(viewer.or(server))
 }
 
-fn interruption_error(after: &str, can_resume: bool, args: &RunArgs) -> CliError {
+fn interruption_error(
+    after: &str,
+    can_resume: bool,
+    args: &RunArgs,
+    folder: &RunFolder,
+) -> CliError {
     CliError::Runtime(if can_resume {
-        let command = resume_command(args);
+        let command = resume_command(args, folder);
         format!("interrupted after {after}; resume with\n  {command}")
     } else {
         format!("interrupted after {after}; this run cannot be resumed, start it again")
@@ -153,15 +166,22 @@ fn with_resume_hint(error: RunError, args: &RunArgs, folder: &RunFolder) -> CliE
         {
             CliError::Runtime(format!(
                 "{message}\nthe newest checkpoint is kept; resume with\n  {}",
-                resume_command(args)
+                resume_command(args, folder)
             ))
         }
         error => error,
     }
 }
 
-/// The command line of this process, with `--resume`.
-fn resume_command(args: &RunArgs) -> String {
+/// The command line of this process, with `--resume`. A scenario that came from a pipe is replaced by
+/// its copy in the run's directory.
+fn resume_command(args: &RunArgs, folder: &RunFolder) -> String {
+    if input_files::is_stream(&args.scenario) {
+        let paths = [&folder.scenario_file(), folder.path()]
+            .map(|path| path.to_string_lossy().into_owned());
+        let [scenario, out] = paths.each_ref().map(|path| shell_word(path));
+        return format!("seedbed run {scenario} --out {out} --resume");
+    }
     let mut words: Vec<String> = std::env::args()
         .filter(|word| word != "--overwrite")
         .map(|word| shell_word(&word).into_owned())
@@ -174,7 +194,7 @@ fn resume_command(args: &RunArgs) -> String {
 
 /// Locks the output directory for this process, and clears it unless the run is resumed. An error
 /// if a run would be overwritten without `--overwrite`.
-fn prepare_output_folder(args: &RunArgs, folder: &RunFolder) -> Result<FolderLock, CliError> {
+fn prepare_output_folder(args: &RunArgs, folder: &RunFolder) -> Result<FileLock, CliError> {
     let path = folder.path().display();
     let elsewhere = if args.out.is_some() {
         "another --out"
@@ -193,6 +213,9 @@ fn prepare_output_folder(args: &RunArgs, folder: &RunFolder) -> Result<FolderLoc
             "another seedbed process is writing to {path}; choose {elsewhere}"
         ))
     })?;
+    if !lock.is_effective() {
+        note!("{}", warning_without_locks(folder.path()));
+    }
     if !args.resume && contents != Contents::Nothing {
         folder.clear().map_err(write_error)?;
     }

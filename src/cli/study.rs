@@ -6,14 +6,16 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use super::interruption::StopRequests;
+use super::memory;
 use super::progress::StudyProgress;
-use super::{CliError, StudyArgs, pluralize, report};
+use super::{CliError, StudyArgs, pluralize, report, warning_without_locks};
+use seedbed::run::file_lock::FileLock;
 use seedbed::run::thread_count;
 use seedbed::study::plan::{PlannedRun, StudyPlan};
 use seedbed::study::power::powers;
 use seedbed::study::registration::{Lock, RegistrationError};
 use seedbed::study::runner;
-use seedbed::study::store::{StoredRun, StudyFolder, StudyLock};
+use seedbed::study::store::{StoredRun, StudyFolder};
 use seedbed_stats::power::MAX_RUNS;
 
 pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
@@ -25,6 +27,9 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
         return Err(CliError::Usage(
             "--out and --index can be used with one study only".to_owned(),
         ));
+    }
+    if !(args.ignore_memory || args.list || args.power || args.register) {
+        plans.iter().try_for_each(|plan| check_memory(args, plan))?;
     }
     let mut failed_runs = 0;
     for plan in &plans {
@@ -536,17 +541,29 @@ fn interruption_error(study_name: &str) -> CliError {
 
 /// Locks the directory of a study for this process alone if `is_exclusive`, otherwise together with
 /// other processes that each execute a single run.
-fn lock_folder(folder: &StudyFolder, is_exclusive: bool) -> Result<StudyLock, CliError> {
+fn lock_folder(folder: &StudyFolder, is_exclusive: bool) -> Result<FileLock, CliError> {
     let path: &Path = folder.path();
     let lock = folder
         .lock(is_exclusive)
         .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", path.display())))?;
-    lock.ok_or_else(|| {
+    let lock = lock.ok_or_else(|| {
         CliError::Usage(format!(
             "another process is running a study in {}; wait for it, or choose another directory with --out",
             path.display()
         ))
-    })
+    })?;
+    if is_exclusive && !lock.is_effective() {
+        note!("{}", warning_without_locks(path));
+    }
+    Ok(lock)
+}
+
+/// An error if the largest runs, as many at once as there are threads, need more memory than there is.
+fn check_memory(args: &StudyArgs, plan: &StudyPlan) -> Result<(), CliError> {
+    let largest = plan.cells.iter().map(|cell| cell.source.memory()).max();
+    let at_once = if args.index.is_some() { 1 } else { jobs(args) };
+    let what = format!("{} of `{}` at once", pluralize(at_once, "run"), plan.name);
+    memory::check(&what, largest.unwrap_or(0).saturating_mul(at_once as u64))
 }
 
 /// Number of simultaneous runs.

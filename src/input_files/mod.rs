@@ -4,6 +4,7 @@
 //! files that are built into the program. These have paths such as `builtin:envs/cartpole.ron`.
 
 mod builtin;
+mod streams;
 
 use std::path::{Path, PathBuf};
 
@@ -58,12 +59,17 @@ impl FileSource for DiskAndBuiltin {
     fn read(&self, path: &Path) -> Result<String, InputError> {
         match BuiltinFile::at(path) {
             Some(file) => Ok(file.text.to_owned()),
+            None if streams::is_stream(path) => streams::read(path),
             None => Disk.read(path),
         }
     }
 
+    fn folder_of(&self, path: &Path) -> PathBuf {
+        folder_of(path)
+    }
+
     fn is_file(&self, path: &Path) -> bool {
-        BuiltinFile::at(path).is_some() || path.is_file()
+        BuiltinFile::at(path).is_some() || path.is_file() || streams::is_stream(path)
     }
 
     fn names_in(&self, folder: &Path) -> Vec<String> {
@@ -77,6 +83,13 @@ impl FileSource for DiskAndBuiltin {
             .map(|(name, _)| name.to_owned())
             .collect()
     }
+}
+
+/// Whether the input that a command-line argument names can be read only once: the standard input
+/// (`-`), a pipe, or a process substitution.
+#[must_use]
+pub fn is_stream(path: &Path) -> bool {
+    path == Path::new("-") || streams::is_stream(path)
 }
 
 /// Reads the text of a file, which may be built in.
@@ -105,11 +118,14 @@ pub fn read_task(path: &Path) -> Result<(TaskDescription, String), InputError> {
 }
 
 /// The file that a command-line argument names: a path, or a name in one of `directories`, which
-/// are tried in turn.
+/// are tried in turn; `-` is the standard input.
 ///
 /// # Errors
 /// There is no such file, with the names that exist.
 pub fn find_argument(path: &Path, directories: &[Directory]) -> Result<PathBuf, InputError> {
+    if path == Path::new("-") {
+        return Ok(streams::STANDARD_INPUT.into());
+    }
     if DiskAndBuiltin.is_file(path) {
         return Ok(path.to_owned());
     }
@@ -143,6 +159,16 @@ pub fn find(
         Some((_, file)) => Ok(file.full_path()),
         None => Err(known_names(directory, start_folders)),
     }
+}
+
+/// The folder from which relative paths in the file at `path` begin: that of the file, or the working
+/// directory for an input that is not in a folder, such as a pipe.
+#[must_use]
+pub fn folder_of(path: &Path) -> PathBuf {
+    if streams::is_stream(path) {
+        return PathBuf::new();
+    }
+    path.parent().unwrap_or(Path::new("")).to_owned()
 }
 
 /// The folders above which names are looked up that a file in `folder` contains: this folder, then

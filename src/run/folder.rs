@@ -1,10 +1,11 @@
 //! The directory of a run: the paths of its files, what it contains, and a lock that lets only one
 //! process write to it.
 
-use std::fs::{self, File, TryLockError};
+use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::file_lock::FileLock;
 use super::{checkpoint, overview};
 use crate::record::state_files::StateFiles;
 
@@ -27,13 +28,6 @@ pub enum Contents {
     RunWithoutCheckpoint,
     /// Files that no run of seedbed wrote, such as the states that another program recorded.
     OtherFiles,
-}
-
-/// An exclusive lock of a run's directory. It is released when dropped, and when the process ends.
-#[derive(Debug)]
-pub struct FolderLock {
-    lock: File,
-    path: PathBuf,
 }
 
 impl RunFolder {
@@ -83,19 +77,9 @@ impl RunFolder {
     ///
     /// # Errors
     /// The operating system reports an error.
-    pub fn lock(&self) -> io::Result<Option<FolderLock>> {
+    pub fn lock(&self) -> io::Result<Option<FileLock>> {
         fs::create_dir_all(&self.path)?;
-        let path = self.lock_file();
-        let lock = File::options()
-            .create(true)
-            .truncate(false)
-            .write(true)
-            .open(&path)?;
-        match lock.try_lock() {
-            Ok(()) => Ok(Some(FolderLock { lock, path })),
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Err(TryLockError::Error(error)) => Err(error),
-        }
+        FileLock::acquire(&self.lock_file(), true)
     }
 
     /// Removes the files of a run, and no other files.
@@ -209,17 +193,6 @@ pub fn run_folder(path: &Path) -> RunFolder {
     match overview::run_folders(path).as_slice() {
         [only] => RunFolder::new(only),
         _ => folder,
-    }
-}
-
-impl FolderLock {
-    /// Unlocks the directory of a finished run and removes the lock file.
-    ///
-    /// # Errors
-    /// The lock file cannot be removed.
-    pub fn release(self) -> io::Result<()> {
-        fs::remove_file(&self.path)?;
-        self.lock.unlock()
     }
 }
 

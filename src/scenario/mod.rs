@@ -229,7 +229,7 @@ pub fn environment_path(
     scenario_path: &Path,
 ) -> Result<PathBuf, InputError> {
     let name = &scenario.value.environment;
-    let folder = scenario_path.parent().unwrap_or(Path::new("."));
+    let folder = input_files::folder_of(scenario_path);
     if name.ends_with(".ron") {
         let path = folder.join(name.as_str());
         if path.is_file() {
@@ -237,7 +237,7 @@ pub fn environment_path(
         }
         return Err(scenario.locate(name.error(format!("no file {}", path.display()))));
     }
-    let start_folders = input_files::start_folders(folder);
+    let start_folders = input_files::start_folders(&folder);
     input_files::find(name, Directory::Environments, &start_folders).map_err(|known| {
         scenario.locate(name.unknown_name("environment", known.iter().map(String::as_str)))
     })

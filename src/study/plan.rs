@@ -284,13 +284,13 @@ fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Problem> 
     } else {
         &[]
     };
-    let folder = path.parent().unwrap_or(Path::new(""));
+    let folder = input_files::folder_of(path);
     let mut cells_so_far: Vec<Cell> = Vec::with_capacity(drafts.len());
     for (number, draft) in drafts.into_iter().enumerate() {
         let error_place = error_place(study, number, &draft);
         let cell = draft
             .with_overrides(quick_overrides.iter().map(located_text))
-            .build(folder, &study.figures, error_place)?;
+            .build(&folder, &study.figures, error_place)?;
         if cells_so_far.iter().any(|other| other.name == cell.name) {
             return Err(cell_error(
                 error_place,

@@ -27,6 +27,7 @@ use super::report::{self, column};
 use super::results::{Results, ResultsError};
 use super::store::{self, StudyFolder};
 use crate::run::files;
+use crate::text::from_spreadsheet_cell;
 
 /// Name of the file with one row per run.
 const TABLE: &str = "results.csv.gz";
@@ -220,7 +221,7 @@ fn add_row(
     measures: &[Measure],
     row: &Row<'_>,
 ) -> Result<(), String> {
-    let name = row.text("cell")?;
+    let name = from_spreadsheet_cell(row.text("cell")?);
     let run_seed: u64 = row.required("seed")?;
     let cell = results
         .cells
@@ -241,9 +242,10 @@ fn add_row(
             let scores = scores.collect::<Result<Vec<_>, _>>()?;
             cell.add_scored_run(run_seed, row.cost()?, measures, scores);
         }
-        "failed" => cell
-            .failures
-            .push((run_seed, row.text("reason")?.to_owned())),
+        "failed" => cell.failures.push((
+            run_seed,
+            from_spreadsheet_cell(row.text("reason")?).to_owned(),
+        )),
         other => return Err(format!("`{other}` in the column `state`")),
     }
     Ok(())

@@ -77,6 +77,15 @@ impl RunSource {
         }
     }
 
+    /// Approximate number of bytes of memory that a run needs; 0 for results that are read.
+    #[must_use]
+    pub fn memory(&self) -> u64 {
+        match self {
+            Self::Experiment(experiment) => experiment.memory(),
+            Self::External(_) => 0,
+        }
+    }
+
     /// Rough estimate of the work of a run, see [`Experiment::cost`].
     #[must_use]
     pub fn cost(&self) -> f64 {

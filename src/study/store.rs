@@ -3,7 +3,6 @@
 //! The name of a result file has the run seed and a hash of everything else on which its run
 //! depends. So after a study is changed, the results that are not affected are found again.
 
-use std::fs::{File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +14,7 @@ use super::plan::{PlannedRun, StudyPlan};
 use super::registration::Lock;
 pub use super::result_file::StoredRun;
 use super::run_result::RunResult;
+use crate::run::file_lock::FileLock;
 use crate::run::files;
 use seedbed_env::Quantity;
 use seedbed_env::input;
@@ -88,12 +88,6 @@ pub struct ManifestCell {
     pub external: Option<ExternalCell>,
 }
 
-/// Lock of the folder of a study. It is released when it is dropped or the process ends.
-#[derive(Debug)]
-pub struct StudyLock {
-    _lock: File,
-}
-
 impl StudyFolder {
     /// The folder at `path`, which need not exist.
     #[must_use]
@@ -113,23 +107,9 @@ impl StudyFolder {
     ///
     /// # Errors
     /// If the folder or the lock file cannot be created.
-    pub fn lock(&self, exclusive: bool) -> io::Result<Option<StudyLock>> {
+    pub fn lock(&self, exclusive: bool) -> io::Result<Option<FileLock>> {
         std::fs::create_dir_all(&self.path)?;
-        let file = File::options()
-            .create(true)
-            .truncate(false)
-            .write(true)
-            .open(self.path.join(".lock"))?;
-        let result = if exclusive {
-            file.try_lock()
-        } else {
-            file.try_lock_shared()
-        };
-        match result {
-            Ok(()) => Ok(Some(StudyLock { _lock: file })),
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Err(TryLockError::Error(error)) => Err(error),
-        }
+        FileLock::acquire(&self.path.join(".lock"), exclusive)
     }
 
     /// Stored result of the run with this digest and run seed. `None` if there is none, or if it

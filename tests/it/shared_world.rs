@@ -203,6 +203,10 @@ impl RunQueue for PanickingQueue<'_> {
 }
 
 impl Experiment for Panicking {
+    fn memory(&self) -> u64 {
+        self.inner.memory()
+    }
+
     fn measure_once(
         &self,
         run_seed: u64,

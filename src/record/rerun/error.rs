@@ -5,6 +5,8 @@ use rerun::log::ChunkError;
 use rerun::sink::SinkFlushError;
 use rerun::{RecordingStreamError, SerializationError};
 
+use crate::record::ReadError;
+
 /// Error of writing, resuming or showing a recording. It can be cloned, because a sink returns its
 /// first error again on every later call. So errors of libraries are stored as text.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -70,6 +72,12 @@ impl From<EncodeError> for RecordingError {
             EncodeError::Write(error) => error.into(),
             other => Self::Encoding(other.to_string()),
         }
+    }
+}
+
+impl From<ReadError> for RecordingError {
+    fn from(error: ReadError) -> Self {
+        Self::Encoding(error.to_string())
     }
 }
 

@@ -9,7 +9,9 @@
 
 mod annotations;
 mod blueprint;
+mod caught_panic;
 mod curves;
+mod decode;
 mod description;
 mod error;
 mod forces;

@@ -4,15 +4,13 @@
 //! rows) and the incomplete episode of each agent, however long the recording is.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use rerun::external::arrow::array::Array;
-use rerun::external::re_log_encoding::rrd::{DecodeError, DecoderApp, DecoderIterator};
 use rerun::log::{Chunk, LogMsg};
 use rerun::{ComponentIdentifier, StoreKind, TimelineName};
 
+use super::decode::Messages;
 use super::quantities::{self, Quantities};
 use super::rows::{EPISODE, ROUND};
 use crate::record::visitation::Axes;
@@ -133,7 +131,11 @@ impl Iterator for Episodes {
     fn next(&mut self) -> Option<Self::Item> {
         while self.finished.is_empty() {
             match self.chunks.next()? {
-                Ok(chunk) => self.add_chunk(&chunk),
+                Ok(chunk) => {
+                    if let Err(reason) = self.add_chunk(&chunk) {
+                        return Some(Err(self.chunks.messages.damaged(reason)));
+                    }
+                }
                 Err(error) => return Some(Err(error)),
             }
         }
@@ -142,15 +144,19 @@ impl Iterator for Episodes {
 }
 
 impl Episodes {
-    fn add_chunk(&mut self, chunk: &Chunk) {
+    /// Adds the rows of a chunk of `/raw`; ignores other chunks. Returns what is wrong in it.
+    fn add_chunk(&mut self, chunk: &Chunk) -> Result<(), String> {
         let entity = chunk.entity_path().to_string();
         let Some(agent) = entity
             .strip_prefix("/raw/agent_")
             .and_then(|agent| agent.parse().ok())
         else {
-            return;
+            return Ok(());
         };
         let rows = self.columns.rows(chunk);
+        if !rows.have_equal_lengths() {
+            return Err(format!("{entity} has columns of different lengths"));
+        }
         let mut step = 0;
         for (row, outcome) in rows.outcomes.iter().enumerate() {
             let start = || empty_episode(agent, rows.episodes[row], rows.rounds[row]);
@@ -173,6 +179,7 @@ impl Episodes {
                 step += 1;
             }
         }
+        Ok(())
     }
 }
 
@@ -220,6 +227,21 @@ struct Rows {
     advantages: Vec<f32>,
     /// The outcome of the rows that end an episode: `[rows]`
     outcomes: Vec<Option<Status>>,
+}
+
+impl Rows {
+    fn have_equal_lengths(&self) -> bool {
+        let rows = self.outcomes.len();
+        let steps = self.outcomes.iter().filter(|end| end.is_none()).count();
+        [&self.episodes, &self.rounds].map(Vec::len) == [rows; 2]
+            && self.observations.iter().all(|column| column.len() == rows)
+            && self.actions.iter().all(|column| column.len() == steps)
+            && self.rewards.len() == steps
+            // Not all agents have these.
+            && [&self.intrinsic_rewards, &self.advantages]
+                .iter()
+                .all(|column| column.is_empty() || column.len() == steps)
+    }
 }
 
 impl Columns {
@@ -294,31 +316,14 @@ fn status(outcome: &str) -> Status {
 
 /// The chunks of a recording, without the chunks of its blueprint.
 pub(super) struct Chunks {
-    path: PathBuf,
-    messages: DecoderIterator<LogMsg, BufReader<File>>,
-    /// Whether an error occurred, after which nothing can be read.
-    failed: bool,
+    messages: Messages,
 }
 
 impl Chunks {
     pub(super) fn open(path: &Path) -> Result<Self, ReadError> {
-        let file = File::open(path).map_err(|error| ReadError::Unreadable {
-            path: path.to_owned(),
-            reason: error.to_string(),
-        })?;
         Ok(Self {
-            path: path.to_owned(),
-            messages: DecoderApp::decode_lazy(BufReader::new(file)),
-            failed: false,
+            messages: Messages::open(path)?,
         })
-    }
-
-    fn fail(&mut self, reason: String) -> ReadError {
-        self.failed = true;
-        ReadError::Unreadable {
-            path: self.path.clone(),
-            reason,
-        }
     }
 }
 
@@ -326,25 +331,14 @@ impl Iterator for Chunks {
     type Item = Result<Chunk, ReadError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        while !self.failed {
+        loop {
             match self.messages.next()? {
-                Ok(LogMsg::ArrowMsg(store, arrow)) if store.kind() == StoreKind::Recording => {
-                    return Some(
-                        Chunk::from_arrow_msg(&arrow).map_err(|error| self.fail(error.to_string())),
-                    );
+                Ok(LogMsg::ArrowMsg(store, rows)) if store.kind() == StoreKind::Recording => {
+                    return Some(self.messages.chunk(&rows));
                 }
                 Ok(_) => {}
-                Err(error) => return Some(Err(self.fail(decode_error_text(&error)))),
+                Err(error) => return Some(Err(error)),
             }
         }
-        None
-    }
-}
-
-/// The decoder's message, without its prefix.
-fn decode_error_text(error: &DecodeError) -> String {
-    match error {
-        DecodeError::Codec(error) => error.to_string(),
-        DecodeError::Read(error) => error.to_string(),
     }
 }

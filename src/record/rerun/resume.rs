@@ -7,15 +7,14 @@
 
 use std::collections::VecDeque;
 use std::fs::{self, File};
-use std::io::BufReader;
 use std::path::Path;
 
 use rerun::StoreId;
-use rerun::external::re_log_encoding::rrd::DecoderApp;
 use rerun::external::re_log_types::RecordingId;
 use serde::{Deserialize, Serialize};
 
 use super::APPLICATION;
+use super::decode::Messages;
 use super::error::RecordingError;
 use super::samples::VisitationStyle;
 use super::sink::Sink;
@@ -143,8 +142,7 @@ pub(super) fn reopen(part: &Path, done: &Path, state: &mut State) -> Result<Sink
 }
 
 fn copy_messages(source: &Path, messages: u64, sink: &mut Sink) -> Result<(), RecordingError> {
-    let file = File::open(source)?;
-    for message in DecoderApp::decode_lazy(BufReader::new(file)).take(messages as usize) {
+    for message in Messages::open_unfinished(source)?.take(messages as usize) {
         sink.send(&message?)?;
     }
     if sink.message_count() < messages {

@@ -50,6 +50,9 @@ pub trait Experiment: Debug + Send + Sync {
     /// have it.
     fn measure_obstacle(&self, measure: Measure) -> Option<(&'static str, &'static str)>;
 
+    /// Approximate number of bytes of memory that a run needs.
+    fn memory(&self) -> u64;
+
     /// Why these valid settings may not do what they seem to do; `None` if nothing is known.
     fn warning(&self) -> Option<String> {
         None

@@ -51,6 +51,13 @@ impl Experiment for TabularPlan {
         format!("{:016x}", hash.digest())
     }
 
+    /// Of each state and agent, the numbers of visits and the agent's own policy.
+    fn memory(&self) -> u64 {
+        const BYTES_PER_STATE: u64 = 64;
+        let states = self.scenario.task.model(0).state_count() as u64;
+        u64::from(self.agents()).saturating_mul(BYTES_PER_STATE * states)
+    }
+
     fn learning_cost(&self) -> f64 {
         10.0
     }

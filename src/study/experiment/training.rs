@@ -37,6 +37,10 @@ impl Experiment for Plan {
         self.environment_text.clone()
     }
 
+    fn memory(&self) -> u64 {
+        Self::memory(self).total()
+    }
+
     fn warning(&self) -> Option<String> {
         let scenario = &self.scenario;
         let has_no_signal = scenario.algorithm.config().learns_from_rewards_only()

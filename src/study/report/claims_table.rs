@@ -5,7 +5,7 @@ use crate::study::claims::ClaimResult;
 use crate::study::file::Claim;
 use crate::study::gate::gates;
 use crate::study::results::Results;
-use crate::text::pluralize;
+use crate::text::{markdown_cell, pluralize};
 
 pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> String {
     let mut text = caveats(results);
@@ -96,6 +96,6 @@ fn row(results: &Results, claim: &Claim, claim_result: &ClaimResult) -> String {
         &format::p_value_of_claim(claim_result),
         &verdict,
     ];
-    let escaped = cells.map(|cell| cell.replace('|', "\\|"));
+    let escaped = cells.map(markdown_cell);
     format!("| {} |\n", escaped.join(" | "))
 }

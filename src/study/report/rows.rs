@@ -1,5 +1,6 @@
 //! `results.csv`: one row per run.
 
+use std::borrow::Cow;
 use std::io;
 
 use serde::Serialize;
@@ -8,6 +9,7 @@ use crate::study::cost::RunCost;
 use crate::study::measure::{Curve, Measure};
 use crate::study::results::{CellResults, Results};
 use crate::study::run_result::RunResult;
+use crate::text::spreadsheet_cell;
 use seedbed_env::input::numbers::ranged_count;
 
 const COLUMNS: [&str; 22] = [
@@ -37,15 +39,15 @@ const COLUMNS: [&str; 22] = [
 
 /// The columns that `results.csv` has for every study. A cell of the table is empty if the run does
 /// not have the measure or did not reach the time.
-#[derive(Default, Serialize)]
+#[derive(Clone, Default, Serialize)]
 struct Row<'a> {
-    cell: &'a str,
-    task: &'a str,
+    cell: Cow<'a, str>,
+    task: Cow<'a, str>,
     agents: u32,
     /// Run seed or, of results of others, the id of the run.
     seed: u64,
     /// Name of a run that others made.
-    run: &'a str,
+    run: Cow<'a, str>,
     /// `tuning`, `reporting` or, of results of others, `external`.
     seeds: &'static str,
     /// `finished` or `failed`.
@@ -65,7 +67,7 @@ struct Row<'a> {
     /// Until the task was solved, or until the end of the run.
     gradient_steps: Option<f64>,
     had_policy_gradient: Option<bool>,
-    reason: &'a str,
+    reason: Cow<'a, str>,
 }
 
 /// The bytes of `results.csv`: the columns of [`Row`], and one column per [measure of the
@@ -99,8 +101,8 @@ pub(in crate::study) fn csv(results: &Results) -> io::Result<Vec<u8>> {
             let row = Row {
                 seed: *seed,
                 state: "failed",
-                reason,
-                ..cell_columns
+                reason: spreadsheet_cell(reason),
+                ..cell_columns.clone()
             };
             writer.serialize((row, vec![None::<f64>; measures.len()]))?;
         }
@@ -117,8 +119,8 @@ pub(in crate::study) fn column(measure: Measure) -> String {
 
 fn columns_of_cell(cell: &CellResults) -> Row<'_> {
     Row {
-        cell: &cell.description.name,
-        task: &cell.description.task,
+        cell: spreadsheet_cell(&cell.description.name),
+        task: spreadsheet_cell(&cell.description.task),
         agents: cell.description.agents,
         ..Row::default()
     }
@@ -138,7 +140,7 @@ fn columns_of_run<'a>(
     let cost = RunCost::of(run, unknown);
     Row {
         seed,
-        run: cell.run_name(seed).unwrap_or_default(),
+        run: spreadsheet_cell(cell.run_name(seed).unwrap_or_default()),
         state: "finished",
         episodes: (!unknown.episodes).then(|| run.episodes_per_agent()),
         env_steps: (!unknown.env_steps).then_some(run.env_steps),
@@ -158,6 +160,6 @@ fn columns_of_run<'a>(
         solved: cost.solved,
         gradient_steps: cost.gradient_steps,
         had_policy_gradient: cost.had_policy_gradient,
-        ..*cell_columns
+        ..cell_columns.clone()
     }
 }

@@ -9,6 +9,7 @@ use crate::study::comparison::{
 use crate::study::cost::{Cost, costs};
 use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
+use crate::text::markdown_cell;
 use seedbed_stats::shares::wilson_interval;
 
 /// A table of texts. The first column has names.
@@ -33,7 +34,7 @@ pub(super) fn all(results: &Results) -> Vec<Table> {
 
 /// `tables.md`: all tables, to be included in other documents.
 pub(super) fn markdown(results: &Results, tables: &[Table]) -> String {
-    let title = format!("# {}\n", results.study.title);
+    let title = format!("# {}\n", markdown_cell(&results.study.title));
     tables
         .iter()
         .fold(title, |text, table| text + "\n" + &table.markdown())
@@ -48,7 +49,7 @@ impl Table {
         let separator = "|---".repeat(self.head.len()) + "|\n";
         let escaped = |row: &Vec<String>| {
             row.iter()
-                .map(|cell| cell.replace('|', "\\|"))
+                .map(|cell| markdown_cell(cell))
                 .collect::<Vec<_>>()
         };
         let rows: String = self

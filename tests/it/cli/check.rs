@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::util::{REPOSITORY, files_below, seedbed, stderr, stdout};
+use crate::util::{REPOSITORY, command, files_below, seedbed, stderr, stdout};
 
 #[test]
 fn check_accepts_valid_files() {
@@ -95,4 +95,87 @@ fn check_lists_the_known_environments_if_a_name_is_unknown() {
         printed.ends_with("\n  = help: did you mean `cartpole`?\n"),
         "{printed}"
     );
+}
+
+/// A file of each kind from a pipe, which can be read only once: as `-`, by the path of the standard
+/// input, and by the name of a pipe, as a shell gives it for `<(command)`.
+#[cfg(unix)]
+#[test]
+fn check_and_run_read_pipes() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("pipe");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
+    let pipe = pipe.to_str().unwrap();
+    for (file, kind) in [
+        ("envs/cartpole.ron", "environment"),
+        ("scenarios/cartpole.ron", "scenario with 4 agents"),
+        ("scenarios/tabular/deep_sea.ron", "tabular scenario"),
+    ] {
+        let text = std::fs::read(Path::new(REPOSITORY).join(file)).unwrap();
+        for argument in ["-", "/dev/stdin", pipe] {
+            let output = output_with_input(&["check", argument], argument, &text);
+            let expected = format!("ok: {argument}: {kind}");
+            let printed = stdout(&output) + &stderr(&output);
+            assert!(
+                printed.starts_with(&expected),
+                "{file} {argument}: {printed}"
+            );
+        }
+    }
+    let study =
+        std::fs::read_to_string(Path::new(REPOSITORY).join("scenarios/thesis/fig_6_4a.ron"));
+    // Relative paths begin in the working directory.
+    let study = study
+        .unwrap()
+        .replace("../cartpole.ron", "scenarios/cartpole.ron");
+    let output = output_with_input(&["check", "-"], "-", study.as_bytes());
+    assert!(
+        stdout(&output).starts_with("ok: -: study with"),
+        "{}",
+        stderr(&output)
+    );
+    let out = folder.path().join("run");
+    let arguments = [
+        "run",
+        "-",
+        "--quiet",
+        "--no-recording",
+        "--set",
+        "stop=Episodes(2)",
+        "--out",
+    ];
+    let arguments = [&arguments[..], &[out.to_str().unwrap()]].concat();
+    let text = std::fs::read(Path::new(REPOSITORY).join("scenarios/cartpole.ron")).unwrap();
+    let output = output_with_input(&arguments, "-", &text);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(out.join("summary.json").is_file());
+    let output = output_with_input(&["check", "-"], "-", b"Scenario(\n  agents: 3 4)");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        stderr(&output).starts_with("error: /dev/stdin:2:"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+/// Output of a command whose argument `path`, the standard input unless it is a pipe, has `text`.
+#[cfg(unix)]
+fn output_with_input(arguments: &[&str], path: &str, text: &[u8]) -> std::process::Output {
+    use std::io::Write;
+    use std::process::Stdio;
+    let mut child = command(arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut input = child.stdin.take().unwrap();
+    if matches!(path, "-" | "/dev/stdin") {
+        input.write_all(text).unwrap();
+    } else {
+        std::fs::write(path, text).unwrap();
+    }
+    drop(input);
+    child.wait_with_output().unwrap()
 }

@@ -37,6 +37,43 @@ fn a_run_writes_its_files() {
     }
 }
 
+/// The limit is that of `ulimit -v`: 600,000 kB. The estimate for the large team is 64 bytes for each
+/// parameter of 1000 agents, which have 2 × (4 · 4096 + 4096 + 4096² + 4096) + 4096 · 3 + 3 parameters,
+/// and 0.4 MB per agent.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_that_does_not_fit_in_memory_is_refused_before_it_starts() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = |arguments: &str| {
+        let program = env!("CARGO_BIN_EXE_seedbed");
+        let command = format!(
+            "ulimit -v 600000; {program} run cartpole --quiet --no-recording --threads 1 --out {} \
+             --set 'stop=Episodes(1)' {arguments}",
+            path.display()
+        );
+        let mut shell = Command::new("sh");
+        shell
+            .args(["-c", &command])
+            .current_dir(REPOSITORY)
+            .output()
+            .unwrap()
+    };
+    let refused = run("--set agents.count=1000 --set 'algorithm.hidden=[4096, 4096]'");
+    assert_eq!(refused.status.code(), Some(2));
+    assert_eq!(
+        stderr(&refused),
+        "error: this run would need about 2151.8 GB, and `ulimit -v` allows 0.6 GB; reduce the number of \
+         agents, `hidden` or `replay`, or start anyway with --ignore-memory\n"
+    );
+    assert!(!path.exists());
+    // The estimate is rough: agents without networks need less than agents with networks.
+    let team = "--set agents.count=1400 --set algorithm=Random";
+    assert_eq!(run(team).status.code(), Some(2));
+    let insisted = run(&format!("{team} --ignore-memory"));
+    assert!(insisted.status.success(), "{}", stderr(&insisted));
+}
+
 /// The tables have one header and one row per agent and episode: 2 agents have 6 episodes each.
 fn assert_tables_of_small_run(folder: &Path) {
     let episodes = std::fs::read_to_string(folder.join("episodes.csv")).unwrap();

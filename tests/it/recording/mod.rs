@@ -11,6 +11,7 @@
 )]
 
 pub(crate) mod contents;
+mod damaged;
 mod images;
 mod reading;
 mod rows;

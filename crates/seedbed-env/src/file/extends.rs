@@ -240,7 +240,7 @@ impl SourceFile {
         Ok(Self {
             origin: path.display().to_string(),
             text: source.read(path)?,
-            folder: Some(path.parent().unwrap_or(Path::new("")).to_owned()),
+            folder: Some(source.folder_of(path)),
         })
     }
 

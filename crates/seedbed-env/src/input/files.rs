@@ -1,9 +1,11 @@
 //! Reading files and looking for them.
 
+use std::fs::File;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use super::error::InputError;
-use super::limits::{MAX_TEXT_BYTES, read_text as read_limited};
+use super::limits::{self, MAX_TEXT_BYTES};
 
 /// Where task files, and the files that they extend, are read.
 pub trait FileSource {
@@ -12,6 +14,11 @@ pub trait FileSource {
     /// # Errors
     /// The file cannot be read.
     fn read(&self, path: &Path) -> Result<String, InputError>;
+
+    /// The folder in which names in the file at `path` are looked up.
+    fn folder_of(&self, path: &Path) -> PathBuf {
+        path.parent().unwrap_or(Path::new("")).to_owned()
+    }
 
     /// Whether there is a file at `path`.
     fn is_file(&self, path: &Path) -> bool;
@@ -55,22 +62,32 @@ impl FileSource for Disk {
 /// # Errors
 /// The file cannot be read.
 pub fn read_text(path: &Path) -> Result<String, InputError> {
-    let text = read_limited(path, MAX_TEXT_BYTES)
-        .map(|text| text.trim_start_matches('\u{feff}').to_owned());
-    text.map_err(|error| InputError {
+    let file = File::open(path).map_err(|error| unreadable(path, &error))?;
+    read_text_from(path, file)
+}
+
+/// Reads all text of `source`, which is named `path` in errors.
+///
+/// # Errors
+/// The text cannot be read.
+pub fn read_text_from(path: &Path, source: impl Read) -> Result<String, InputError> {
+    let text = limits::text_of(source, MAX_TEXT_BYTES).map_err(|error| unreadable(path, &error))?;
+    Ok(text.trim_start_matches('\u{feff}').to_owned())
+}
+
+fn unreadable(path: &Path, error: &std::io::Error) -> InputError {
+    InputError {
         origin: path.display().to_string(),
         position: None,
         field: String::new(),
         message: match error.kind() {
-            std::io::ErrorKind::NotFound => "no such file".to_owned(),
-            std::io::ErrorKind::IsADirectory => "expected a file, found a folder".to_owned(),
-            std::io::ErrorKind::InvalidData => {
-                "expected a text file, found invalid UTF-8".to_owned()
-            }
+            ErrorKind::NotFound => "no such file".to_owned(),
+            ErrorKind::IsADirectory => "expected a file, found a folder".to_owned(),
+            ErrorKind::InvalidData => "expected a text file, found invalid UTF-8".to_owned(),
             _ => error.to_string(),
         },
         help: None,
-    })
+    }
 }
 
 /// Whether the name of a file ends in `.ron`.

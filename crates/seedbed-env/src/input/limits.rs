@@ -55,23 +55,12 @@ pub const MAX_RECORDED_AGENTS: u32 = 1 << 16;
 /// Maximum number of agents in results of others. Each takes memory even without an episode.
 pub const MAX_AGENTS_OF_OTHERS: u64 = 1_000_000;
 
-/// Reads a file whole, unless it has more than `max_bytes`. The size is limited while reading,
-/// because devices and pipes do not have one beforehand.
+/// Reads a file whole, unless it has more than `max_bytes`.
 ///
 /// # Errors
 /// The file is too large or cannot be read.
 pub fn read_bytes(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    File::open(path)?
-        .take(max_bytes + 1)
-        .read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > max_bytes {
-        return Err(io::Error::new(
-            io::ErrorKind::FileTooLarge,
-            format!("expected at most {}, found more", readable_size(max_bytes)),
-        ));
-    }
-    Ok(bytes)
+    bytes_of(File::open(path)?, max_bytes)
 }
 
 /// Like [`read_bytes`], for a text.
@@ -79,8 +68,29 @@ pub fn read_bytes(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
 /// # Errors
 /// Those of [`read_bytes`], or the file is not UTF-8 ([`io::ErrorKind::InvalidData`]).
 pub fn read_text(path: &Path, max_bytes: u64) -> io::Result<String> {
-    let text = String::from_utf8(read_bytes(path, max_bytes)?);
+    text_of(File::open(path)?, max_bytes)
+}
+
+/// All text of `source`, unless it has more than `max_bytes`.
+///
+/// # Errors
+/// As [`read_text`].
+pub fn text_of(source: impl Read, max_bytes: u64) -> io::Result<String> {
+    let text = String::from_utf8(bytes_of(source, max_bytes)?);
     text.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+}
+
+/// The size is limited while reading, because devices and pipes do not have one beforehand.
+fn bytes_of(source: impl Read, max_bytes: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    source.take(max_bytes + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > max_bytes {
+        return Err(io::Error::new(
+            io::ErrorKind::FileTooLarge,
+            format!("expected at most {}, found more", readable_size(max_bytes)),
+        ));
+    }
+    Ok(bytes)
 }
 
 /// Reads a list of at most [`MAX_ENTRIES`] entries: `#[serde(deserialize_with = …)]`.

@@ -21,7 +21,9 @@ use serde::de::{DeserializeOwned, IgnoredAny};
 
 pub(crate) use error::error_at;
 pub use error::{InputError, Position};
-pub use files::{Disk, FileSource, find_upwards, folders_upwards, is_ron, read_text};
+pub use files::{
+    Disk, FileSource, find_upwards, folders_upwards, is_ron, read_text, read_text_from,
+};
 pub(crate) use kind::after_first_word;
 pub use kind::{FileKind, file_kind};
 use located::deserialize;

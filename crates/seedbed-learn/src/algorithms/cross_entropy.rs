@@ -93,6 +93,16 @@ impl AlgorithmConfig for CrossEntropy {
         })
     }
 
+    fn memory(&self, task: &TaskSpec, agents: u32, _steps: u64) -> u64 {
+        let hidden: Vec<usize> = self
+            .hidden
+            .iter()
+            .map(|units| units.get() as usize)
+            .collect();
+        let network = Network::memory(&policy::network_shape(task, &hidden));
+        u64::from(agents).saturating_mul(network)
+    }
+
     fn cost_per_step(&self, _: u32) -> f64 {
         0.0
     }

@@ -90,6 +90,13 @@ pub trait AlgorithmConfig {
         false
     }
 
+    /// Approximate number of bytes that a team of `agents` needs for its networks, with all that a
+    /// checkpoint copies of them, and for the experience that they learn from, of at most `steps` steps
+    /// of the team. Used only to refuse runs that a machine cannot hold.
+    fn memory(&self, _task: &TaskSpec, _agents: u32, _steps: u64) -> u64 {
+        0
+    }
+
     /// Approximate cost of learning per step of an agent, in units of the cost of acting. Used only
     /// to order the runs of a study and to estimate the remaining time.
     fn cost_per_step(&self, agents: u32) -> f64;

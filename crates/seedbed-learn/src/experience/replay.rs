@@ -79,6 +79,14 @@ impl Replay {
         }
     }
 
+    /// Approximate number of bytes of a buffer with `transitions` transitions. A vector that grows has
+    /// room for twice as many.
+    pub(crate) fn memory(transitions: u64, width: usize) -> u64 {
+        const ACTION_REWARD_STATUS_ORIGIN: u64 = 2 + 4 + 1 + 12;
+        let bytes = 2 * size_of::<f32>() as u64 * width as u64 + ACTION_REWARD_STATUS_ORIGIN;
+        transitions.saturating_mul(2 * bytes)
+    }
+
     /// Maximal number of transitions.
     #[must_use]
     pub fn capacity(&self) -> usize {

@@ -156,6 +156,15 @@ impl Bonus {
         }
     }
 
+    /// Approximate number of bytes that the model of one agent needs.
+    pub(crate) fn memory(&self, spec: &TaskSpec) -> u64 {
+        match self {
+            Self::None => 0,
+            Self::Vime(config) => VimeModel::memory(config, spec),
+            Self::Rnd(config) => RndModel::memory(config, spec),
+        }
+    }
+
     /// The largest bonus that figures show: the largest that a step can have, if there is one. None
     /// without a bonus.
     #[must_use]

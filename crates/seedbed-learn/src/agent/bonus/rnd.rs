@@ -10,6 +10,7 @@ use crate::agent::network::{Descent, LearnedState, Network};
 use crate::agent::{AgentContext, Tensor, network_tensors};
 use crate::experience::Episode;
 use crate::nn::{Activations, AdamSettings, Initial, Mlp};
+use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{Count, ranged_count};
 use seedbed_env::random::{Purpose, Stream, stream};
 
@@ -67,15 +68,23 @@ struct Saved<L, M> {
     moments: M,
 }
 
+/// Sizes of the layers of both networks, from their inputs to their outputs.
+fn layer_sizes(config: &Rnd, spec: &TaskSpec) -> Vec<usize> {
+    let [inputs, _] = TransitionEncoder::widths(spec);
+    let hidden = config.hidden.iter().map(|units| units.get() as usize);
+    let sizes = [inputs].into_iter().chain(hidden);
+    sizes.chain([config.outputs.get() as usize]).collect()
+}
+
 impl RndModel {
+    /// Approximate number of bytes that a model needs: a predictor and a target without an optimizer.
+    pub(crate) fn memory(config: &Rnd, spec: &TaskSpec) -> u64 {
+        let network = Network::memory(&Mlp::new(&layer_sizes(config, spec)));
+        network + network / 8
+    }
+
     pub(crate) fn new(config: &Rnd, owner: u32, context: &AgentContext<'_>) -> Self {
-        let [inputs, _] = TransitionEncoder::widths(context.spec);
-        let hidden = config.hidden.iter().map(|units| units.get() as usize);
-        let sizes: Vec<usize> = [inputs]
-            .into_iter()
-            .chain(hidden)
-            .chain([config.outputs.get() as usize])
-            .collect();
+        let sizes = layer_sizes(config, context.spec);
         let mut random = stream(context.run_seed, Purpose::ModelParameters, owner, 0);
         let (target, predictor) = (Mlp::new(&sizes), Mlp::new(&sizes));
         let target_parameters = target.initial_parameters(Initial::Random, &mut random);

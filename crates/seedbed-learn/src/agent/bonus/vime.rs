@@ -12,11 +12,13 @@ use serde::{Deserialize, Serialize};
 
 use super::transitions::{Moments, Rows, TransitionEncoder};
 use super::{BonusScale, ModelSharing};
+use crate::agent::network::Network;
 use crate::agent::{AgentContext, Tensor, network_tensors};
 use crate::experience::Episode;
 use crate::nn::bayesian::{BayesianState, DiagonalGaussian, Draws, PassBuffers};
-use crate::nn::{BayesianNetwork, BayesianSettings};
+use crate::nn::{BayesianNetwork, BayesianSettings, Mlp};
 use crate::rl::information_gain;
+use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{Count, Positive, ranged_count, ranged_number};
 use seedbed_env::random::{Purpose, Stream, stream};
 
@@ -141,17 +143,25 @@ struct Saved<S, M> {
     moments: M,
 }
 
+/// Sizes of the layers of the model, from its inputs to its outputs.
+fn layer_sizes(config: &Vime, spec: &TaskSpec) -> Vec<usize> {
+    let [inputs, outputs] = TransitionEncoder::widths(spec);
+    let hidden = config.hidden.iter().map(|units| units.get() as usize);
+    let sizes = [inputs].into_iter().chain(hidden);
+    sizes.chain([outputs]).collect()
+}
+
 impl VimeModel {
+    /// Approximate number of bytes that a model needs: mean and deviation of each weight, each with the
+    /// moments of its optimizer, and draws.
+    pub(crate) fn memory(config: &Vime, spec: &TaskSpec) -> u64 {
+        2 * Network::memory(&Mlp::new(&layer_sizes(config, spec)))
+    }
+
     /// A model that draws from the random streams of agent `owner`; its seeds are those of the
     /// agent in `context`.
     pub(crate) fn new(config: &Vime, owner: u32, context: &AgentContext<'_>) -> Self {
-        let [inputs, outputs] = TransitionEncoder::widths(context.spec);
-        let hidden = config.hidden.iter().map(|units| units.get() as usize);
-        let sizes: Vec<usize> = [inputs]
-            .into_iter()
-            .chain(hidden)
-            .chain([outputs])
-            .collect();
+        let sizes = layer_sizes(config, context.spec);
         let mut random = stream(context.run_seed, Purpose::ModelParameters, owner, 0);
         let network = BayesianNetwork::new(&sizes, &config.network, &mut random);
         let mut seeds = Vec::new();

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::SeedPgAgent;
 use crate::agent::bonus::Bonus;
+use crate::agent::network::Network;
 use crate::agent::network_info::{NetworkInfo, OutputTerm, ScalingInfo, setting_text};
 use crate::agent::policy::{self, ActionSelection};
 use crate::agent::scaling::ObservationScaling;
@@ -377,6 +378,18 @@ impl AlgorithmConfig for SeedPg {
 
     fn estimates_advantages(&self) -> bool {
         true
+    }
+
+    fn memory(&self, task: &TaskSpec, agents: u32, _steps: u64) -> u64 {
+        let hidden: Vec<usize> = self
+            .hidden
+            .iter()
+            .map(|units| units.get() as usize)
+            .collect();
+        let policy = policy::network_shape(task, &hidden);
+        let value = super::value_shape(task, &hidden);
+        let networks = [policy, value].iter().map(Network::memory).sum::<u64>();
+        u64::from(agents).saturating_mul(networks + self.bonus.memory(task))
     }
 
     fn cost_per_step(&self, agents: u32) -> f64 {

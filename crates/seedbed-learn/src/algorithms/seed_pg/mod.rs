@@ -36,9 +36,9 @@ use crate::nn::{Mlp, PopArt, Standardizer};
 use crate::rl::advantage;
 use crate::rl::policy_loss::{self, Surrogate};
 use crate::seed::{InitialParameters, RewardPerturbation};
-use seedbed_env::Status;
 use seedbed_env::input::numbers::{NonNegative, Positive};
 use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_env::{Status, TaskSpec};
 
 /// One agent of Seed-PG.
 pub struct SeedPgAgent {
@@ -496,6 +496,14 @@ impl SeedPgAgent {
 }
 
 /// The policy network and the value network with the agent's initial parameters.
+/// Shape of the value function's network.
+fn value_shape(spec: &TaskSpec, hidden: &[usize]) -> Mlp {
+    let mut sizes = vec![spec.observation_width()];
+    sizes.extend(hidden);
+    sizes.push(1);
+    Mlp::new(&sizes)
+}
+
 fn initial_networks(
     config: &SeedPg,
     context: &AgentContext<'_>,
@@ -503,10 +511,7 @@ fn initial_networks(
 ) -> (Network, Network) {
     let (spec, team) = (context.spec, context.team);
     let policy_shape = policy::network_shape(spec, hidden);
-    let mut value_sizes = vec![spec.observation_width()];
-    value_sizes.extend(hidden);
-    value_sizes.push(1);
-    let value_shape = Mlp::new(&value_sizes);
+    let value_shape = value_shape(spec, hidden);
     let mut initial = InitialParameters::draw(
         (context.run_seed, context.agent),
         team.initial,

@@ -8,11 +8,13 @@ use super::exploration::Exploration;
 use super::{ValueTeam, choice_count};
 use crate::agent::TeamConfig;
 use crate::agent::bonus::Bonus;
+use crate::agent::network::Network;
 use crate::agent::network_info::{self, ModelInfo, NetworkInfo, OutputTerm, ScalingInfo};
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::seed_pg::config::TimeLimit;
 use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
+use crate::experience::replay::Replay;
 use crate::nn::AdamSettings;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
@@ -303,6 +305,20 @@ impl<T: ValueBased> AlgorithmConfig for T {
             value: None,
             bonus: composition.bonus.info(task, "model_{model}."),
         })
+    }
+
+    fn memory(&self, task: &TaskSpec, agents: u32, steps: u64) -> u64 {
+        let composition = self.compose(agents as usize);
+        let learning = &composition.learning;
+        let choices = choice_count(task).unwrap_or(1);
+        let network = Network::memory(&super::network_shape(learning, task, choices));
+        // A target network, a prior and an initial state in addition.
+        let model = network + network / 2 + composition.bonus.memory(task);
+        let stored = steps.min(learning.replay.get().into());
+        let replay = Replay::memory(stored, task.observation_width());
+        (composition.models as u64)
+            .saturating_mul(model)
+            .saturating_add(replay)
     }
 
     fn cost_per_step(&self, _: u32) -> f64 {

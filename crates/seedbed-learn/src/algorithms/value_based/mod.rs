@@ -19,7 +19,7 @@ mod tests;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use self::config::{Composition, ModelAssignment};
+use self::config::{Composition, Learning, ModelAssignment};
 use self::exploration::Chooser;
 use self::model::{LearningContext, ValueModel};
 use crate::agent::bonus::{Bonus, SHARED_OWNER};
@@ -69,6 +69,18 @@ struct Saved<S> {
     new_transitions: u32,
 }
 
+/// Shape of the network of a model that values each of the choices.
+fn network_shape(learning: &Learning, spec: &TaskSpec, choices: usize) -> Mlp {
+    let mut sizes = vec![spec.observation_width()];
+    sizes.extend(learning.hidden.iter().map(|units| units.get() as usize));
+    sizes.push(choices);
+    if learning.skip_connection {
+        Mlp::with_skip_connection(&sizes)
+    } else {
+        Mlp::new(&sizes)
+    }
+}
+
 impl ValueTeam {
     /// A team that has not learned yet.
     ///
@@ -78,14 +90,7 @@ impl ValueTeam {
         let spec = context.spec;
         let choices = choice_count(spec).expect("checked: the task has one discrete action");
         let learning = &composition.learning;
-        let mut sizes = vec![spec.observation_width()];
-        sizes.extend(learning.hidden.iter().map(|units| units.get() as usize));
-        sizes.push(choices);
-        let mlp = if learning.skip_connection {
-            Mlp::with_skip_connection(&sizes)
-        } else {
-            Mlp::new(&sizes)
-        };
+        let mlp = network_shape(learning, spec, choices);
         let model = |index| {
             let first_follower = context.agent_context(index);
             ValueModel::new(index, &composition, mlp.clone(), &first_follower)
