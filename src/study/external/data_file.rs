@@ -213,6 +213,19 @@ impl<'a> Rows<'a> {
         })
     }
 
+    /// `earlier` plus the whole number in a column of this row.
+    pub(super) fn sum(&self, earlier: u64, column: Column) -> Result<u64, InputError> {
+        let sum = earlier.checked_add(self.count(column)?);
+        sum.ok_or_else(|| {
+            let message = format!(
+                "expected a sum of at most {} with the earlier {earlier}, found `{}`",
+                u64::MAX,
+                self.text(column)
+            );
+            self.error(column, message)
+        })
+    }
+
     /// An error about a value of this row.
     pub(super) fn error(&self, column: Column, message: String) -> InputError {
         let line = self.record.position().map_or(0, csv::Position::line) + self.lines_before;
