@@ -8,6 +8,8 @@ mod determinism;
 #[cfg(unix)]
 mod docs;
 mod external;
+mod fuzz;
+mod generated;
 mod learning;
 mod messages;
 mod published;

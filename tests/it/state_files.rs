@@ -25,7 +25,7 @@ fn checksum(bytes: &[u8]) -> u32 {
     })
 }
 
-fn frame(kind: [u8; 4], payload: &[u8]) -> Vec<u8> {
+pub(crate) fn frame(kind: [u8; 4], payload: &[u8]) -> Vec<u8> {
     let mut start = kind.to_vec();
     start.extend((payload.len() as u32).to_le_bytes());
     start.extend(checksum(payload).to_le_bytes());
@@ -106,7 +106,7 @@ fn closed(episodes: u32) -> Vec<u8> {
 
 /// A file with three episodes, of which the second is written in two parts after an attempt that was
 /// cut off.
-fn small_file(agent: u32) -> Vec<u8> {
+pub(crate) fn small_file(agent: u32) -> Vec<u8> {
     [file_start(&header(agent)), small_frames().concat()].concat()
 }
 

@@ -22,6 +22,9 @@ const MAX_TIME: Duration = Duration::from_secs(5);
 /// Maximum size of the worker's address space in KiB. The tests themselves take a third of it.
 const MAX_KIBIBYTES: u64 = 1 << 20;
 
+/// One of so many inputs must be accepted, so that more than the first check is reached.
+const MIN_ACCEPTED: u32 = 100;
+
 /// Number of failures after which a target is not run any more.
 const MAX_FAILURES: usize = 10;
 
@@ -62,8 +65,9 @@ pub(super) trait Target {
     /// A random input.
     fn generate(&mut self, random: &mut Stream) -> Vec<u8>;
 
-    /// Reads the input in the file. Panics if something is wrong with the result.
-    fn read(&mut self, input: &[u8]);
+    /// Reads the input in the file. Returns whether it was accepted. Panics if the result or the error is
+    /// not as it should be.
+    fn read(&mut self, input: &[u8]) -> bool;
 }
 
 /// For targets that need no files.
@@ -91,7 +95,7 @@ impl Fuzzing {
             Some(deadline) => Instant::now() >= deadline,
             None => next >= self.inputs,
         };
-        let (mut next, mut failures) = (0, Vec::new());
+        let (mut next, mut accepted, mut failures) = (0, 0, Vec::new());
         while !is_over(next) && failures.len() < MAX_FAILURES {
             let end = next.saturating_add(INPUTS_PER_WORKER);
             let end = if deadline.is_some() {
@@ -100,7 +104,9 @@ impl Fuzzing {
                 end.min(self.inputs)
             };
             let output = self.run_worker(folder.path(), next, end);
-            next = last_input(folder.path()).expect("the worker has begun") + 1;
+            let done = read_progress(folder.path()).expect("the worker has begun");
+            next = done.index + 1;
+            accepted += done.accepted;
             if !output.status.success() {
                 failures.push(self.failure(folder.path(), next - 1, &output));
             }
@@ -109,13 +115,23 @@ impl Fuzzing {
             }
         }
         if deadline.is_some() {
-            eprintln!("{}: {next} inputs, {} failures", self.name, failures.len());
+            eprintln!(
+                "{}: {next} inputs, {accepted} of them accepted, {} failures",
+                self.name,
+                failures.len()
+            );
         }
         assert!(failures.is_empty(), "{}", failures.join("\n\n"));
+        let is_complete = std::env::var_os(INPUT).is_none();
+        assert!(
+            !is_complete || accepted > next / MIN_ACCEPTED,
+            "{}: only {accepted} of {next} inputs were accepted: they do not reach far",
+            self.name
+        );
     }
 
     fn run_worker(&self, folder: &Path, first: u32, end: u32) -> Output {
-        let _ = fs::remove_file(folder.join("number"));
+        let _ = fs::remove_file(folder.join("progress"));
         let test = format!("fuzz::{}", self.name);
         let mut command = Command::new("sh");
         command
@@ -156,37 +172,64 @@ impl Fuzzing {
         let first = number(FIRST).expect("it is set") as u32;
         let end = number(END).expect("it is set") as u32;
         let deadline = number(SECONDS).map(|seconds| Instant::now() + Duration::from_secs(seconds));
+        let mut accepted = 0;
         for index in first..end {
             let input = self.input(&mut *target, index, only.as_ref());
-            fs::write(folder.join("input"), &input).unwrap();
-            fs::write(target.path(), &input).unwrap();
-            fs::write(folder.join("number"), index.to_string()).unwrap();
+            write(&folder.join("input"), &input);
+            write(&target.path(), &input);
+            Progress { index, accepted }.write(folder);
             started.store(now(), Ordering::Relaxed);
-            target.read(&input);
+            accepted += u32::from(target.read(&input));
             started.store(u64::MAX, Ordering::Relaxed);
             let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
-            if is_late || only.is_some() {
+            if is_late || only.is_some() || index + 1 == end {
+                Progress { index, accepted }.write(folder);
                 break;
             }
         }
     }
 
     fn input(&self, target: &mut dyn Target, index: u32, only: Option<&OsString>) -> Vec<u8> {
-        match only {
-            Some(path) => fs::read(path).unwrap(),
-            None => {
-                let name = self.name.bytes().fold(0, |hash: u32, byte| {
-                    hash.wrapping_mul(31).wrapping_add(byte.into())
-                });
-                let seed = number(SEED).unwrap_or(0);
-                target.generate(&mut stream(seed, Purpose::Preview, name, index))
-            }
+        if let Some(path) = only {
+            return fs::read(path).unwrap();
         }
+        let name = self.name.bytes().fold(0, |hash: u32, byte| {
+            hash.wrapping_mul(31).wrapping_add(byte.into())
+        });
+        let seed = number(SEED).unwrap_or(0);
+        target.generate(&mut stream(seed, Purpose::Preview, name, index))
     }
 }
 
-fn last_input(folder: &Path) -> Option<u32> {
-    fs::read_to_string(folder.join("number")).ok()?.parse().ok()
+/// How far a worker is.
+struct Progress {
+    /// Number of the latest input.
+    index: u32,
+    /// Number of the worker's inputs that were accepted.
+    accepted: u32,
+}
+
+impl Progress {
+    fn write(&self, folder: &Path) {
+        let text = format!("{} {}", self.index, self.accepted);
+        write(&folder.join("progress"), text.as_bytes());
+    }
+}
+
+/// Writes a file in place of an earlier one, which is deleted first: some file systems write a file to
+/// the disk at once when another is overwritten.
+fn write(path: &Path, bytes: &[u8]) {
+    let _ = fs::remove_file(path);
+    fs::write(path, bytes).unwrap();
+}
+
+fn read_progress(folder: &Path) -> Option<Progress> {
+    let text = fs::read_to_string(folder.join("progress")).ok()?;
+    let (index, accepted) = text.split_once(' ')?;
+    Some(Progress {
+        index: index.parse().ok()?,
+        accepted: accepted.parse().ok()?,
+    })
 }
 
 /// Milliseconds of the system's clock.

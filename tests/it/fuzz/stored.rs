@@ -28,7 +28,7 @@ use crate::util::{files_below, run_successful};
 const ALGORITHMS: [(&str, &str); 6] = [
     (
         "seed_pg",
-        "algorithm: SeedPg(hidden: [4], bonus: Vime(hidden: [4])), schedule: Asynchronous()",
+        "algorithm: SeedPg(hidden: [4], bonus: Vime(model: Independent, hidden: [4])), schedule: Asynchronous()",
     ),
     (
         "rnd",
@@ -113,18 +113,21 @@ impl Target for Checkpoints {
         [vec![index as u8], contents].concat()
     }
 
-    fn read(&mut self, input: &[u8]) {
+    fn read(&mut self, input: &[u8]) -> bool {
         let (run, plan, _) = &self.runs[usize::from(input[0])];
         let path = run.join("checkpoint/state.bin");
         let header = fs::read(&path).unwrap();
+        fs::remove_file(&path).unwrap();
         fs::write(&path, seal(&input[1..], &header)).unwrap();
         let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1).unwrap();
         let Ok(checkpoint) = Checkpoint::read(run) else {
-            return;
+            return false;
         };
-        if checkpoint.restore(run, &mut trainer).is_ok() {
+        let is_restored = checkpoint.restore(run, &mut trainer).is_ok();
+        if is_restored {
             assert!(!trainer.save().is_empty());
         }
+        is_restored
     }
 }
 
@@ -144,7 +147,7 @@ pub(super) fn set_up_study_results(folder: &Path) {
     fs::write(&study, text).unwrap();
     let out = folder.join("out");
     let [study, out] = [&study, &out].map(|path| path.to_str().unwrap());
-    run_successful(&["study", study, "--out", out, "--quiet"]);
+    run_successful(&["study", study, "--out", out]);
 }
 
 struct StudyResults {
@@ -182,10 +185,11 @@ impl Target for StudyResults {
         contents
     }
 
-    fn read(&mut self, _: &[u8]) {
+    fn read(&mut self, _: &[u8]) -> bool {
         let results = Results::read(&StudyFolder::new(&self.folder)).unwrap();
         let claims = claims::evaluate(&results);
         report::write_texts(&results, &claims, &self.folder).unwrap();
+        results.cells.iter().all(|cell| cell.missing == 0)
     }
 }
 
@@ -237,11 +241,12 @@ impl Target for States {
         file
     }
 
-    fn read(&mut self, _: &[u8]) {
-        if let Ok(files) = StateFiles::open_file(&self.path) {
-            let _ = (files.axes(), files.episode_rows());
-            files.episodes().for_each(drop);
-        }
+    fn read(&mut self, _: &[u8]) -> bool {
+        let Ok(files) = StateFiles::open_file(&self.path) else {
+            return false;
+        };
+        let _ = (files.axes(), files.episode_rows());
+        files.episodes().all(|episode| episode.is_ok())
     }
 }
 
@@ -281,13 +286,12 @@ impl Target for Recordings {
         bytes
     }
 
-    fn read(&mut self, _: &[u8]) {
+    fn read(&mut self, _: &[u8]) -> bool {
         let Ok(recording) = RecordedStates::open(&self.path) else {
-            return;
+            return false;
         };
         let _ = (recording.axes(), recording.bonus());
-        if let Ok(episodes) = recording.episodes() {
-            episodes.take_while(Result::is_ok).for_each(drop);
-        }
+        let episodes = recording.episodes();
+        episodes.is_ok_and(|mut episodes| episodes.all(|episode| episode.is_ok()))
     }
 }

@@ -74,7 +74,7 @@ impl Generator {
         let mut overrides = Vec::new();
         let mut parts = vec![format!(
             "algorithm: {name}{}",
-            fields(config, config, random)
+            fields(config, config, 8, random)
         )];
         let task = loop {
             let task = TASKS[random.random_range(0..TASKS.len())];
@@ -85,15 +85,17 @@ impl Generator {
         parts.push(format!("environment: {task:?}"));
         if task == "analytic" && random.random() {
             parts.push("physics: Analytic".to_owned());
+        } else if random.random_ratio(1, 4) {
+            parts.push("physics: Rapier".to_owned());
         }
         parts.push(format!(
             "agents: {}",
-            fields(&self.agents, &self.agents, random)
+            fields(&self.agents, &self.agents, 8, random)
         ));
         if random.random_ratio(1, 3) {
             parts.push(format!(
                 "recording: {}",
-                fields(&self.recording, &self.recording, random)
+                fields(&self.recording, &self.recording, 8, random)
             ));
         }
         if random.random_ratio(1, 5) {
@@ -137,7 +139,7 @@ fn collect_keywords(schema: &Value, keywords: &mut BTreeSet<String>) {
             for (key, member) in members {
                 match (key.as_str(), member) {
                     ("properties", Value::Object(fields)) => {
-                        keywords.extend(fields.keys().cloned())
+                        keywords.extend(fields.keys().cloned());
                     }
                     ("const", Value::String(name)) => drop(keywords.insert(name.clone())),
                     ("enum", Value::Array(names)) => {
@@ -155,8 +157,9 @@ fn collect_keywords(schema: &Value, keywords: &mut BTreeSet<String>) {
     }
 }
 
-/// The fields of a structure in parentheses: the required ones, and a few of the others.
-fn fields(root: &Value, schema: &Value, random: &mut Stream) -> String {
+/// The fields of a structure in parentheses: the required ones, and each of the others in one of
+/// `given_in` cases.
+fn fields(root: &Value, schema: &Value, given_in: u32, random: &mut Stream) -> String {
     let schema = resolve(root, schema);
     let required: Vec<&str> = schema["required"]
         .as_array()
@@ -166,7 +169,7 @@ fn fields(root: &Value, schema: &Value, random: &mut Stream) -> String {
         .collect();
     let mut written = Vec::new();
     for (name, field) in schema["properties"].as_object().into_iter().flatten() {
-        if required.contains(&name.as_str()) || random.random_ratio(1, 8) {
+        if required.contains(&name.as_str()) || random.random_ratio(1, given_in) {
             written.push(format!("{name}: {}", value(root, field, random)));
         }
     }
@@ -258,7 +261,7 @@ fn object(root: &Value, schema: &Value, random: &mut Stream) -> String {
         (Some((name, content)), None) if name.starts_with(|c: char| c.is_ascii_uppercase()) => {
             let resolved = resolve(root, content);
             let content = match resolved["type"].as_str() {
-                Some("object") => fields(root, resolved, random),
+                Some("object") => fields(root, resolved, 2, random),
                 Some("array") if resolved["prefixItems"].is_array() => {
                     value(root, resolved, random)
                 }
@@ -266,6 +269,6 @@ fn object(root: &Value, schema: &Value, random: &mut Stream) -> String {
             };
             format!("{name}{content}")
         }
-        _ => fields(root, schema, random),
+        _ => fields(root, schema, 2, random),
     }
 }

@@ -180,7 +180,7 @@ pub(crate) fn generate(random: &mut Stream) -> String {
     match random.random_range(0..10) {
         0 => tabular(random),
         1 => analytic(random),
-        _ => Bodies::generate(random),
+        _ => BodyTaskText::generate(random),
     }
 }
 
@@ -264,7 +264,7 @@ fn analytic(random: &mut Stream) -> String {
 
 /// A task of rigid bodies while it is generated.
 #[derive(Default)]
-struct Bodies {
+struct BodyTaskText {
     bodies: Vec<String>,
     joints: Vec<String>,
     /// Names of joints with a coordinate, and whether they are hinges.
@@ -276,7 +276,7 @@ struct Bodies {
     colliders: usize,
 }
 
-impl Bodies {
+impl BodyTaskText {
     fn generate(random: &mut Stream) -> String {
         let mut task = Self::default();
         let has_contacts = random.random_ratio(1, 3);
@@ -456,7 +456,7 @@ impl Bodies {
         let coordinate = match (self.moving.last(), self.free.last()) {
             (Some((joint, _)), _) => joint.clone(),
             (_, Some(body)) => format!("b{body}.angle"),
-            _ => return self.push_sensor(index, format!("BodyAngle(\"{body}\")")),
+            _ => return self.push_sensor(index, &format!("BodyAngle(\"{body}\")")),
         };
         let hinge = self.moving.iter().find(|(_, is_hinge)| *is_hinge);
         let kind = match random.random_range(0..10) {
@@ -479,10 +479,10 @@ impl Bodies {
             9 if hinge.is_some() => format!("WrappedJointPosition(\"{}\")", hinge.unwrap().0),
             _ => format!("BodyAngle(\"{body}\")"),
         };
-        self.push_sensor(index, kind);
+        self.push_sensor(index, &kind);
     }
 
-    fn push_sensor(&mut self, index: usize, kind: String) {
+    fn push_sensor(&mut self, index: usize, kind: &str) {
         self.sensors
             .push(format!("(name: \"s{index}\", type: {kind})"));
     }
