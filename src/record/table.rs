@@ -4,6 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use seedbed_env::input::limits::{MAX_TABLE_BYTES, read_text};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -130,7 +131,7 @@ pub fn read<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>, TableError> {
 /// # Errors
 /// If the file cannot be read.
 pub fn read_complete_rows(path: &Path) -> Result<String, TableError> {
-    let text = std::fs::read_to_string(path).map_err(|error| TableError {
+    let text = read_text(path, MAX_TABLE_BYTES).map_err(|error| TableError {
         path: path.to_owned(),
         reason: error.to_string(),
     });

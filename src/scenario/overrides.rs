@@ -3,8 +3,12 @@
 use serde::de::DeserializeOwned;
 
 use seedbed_env::input::edit::{UnknownField, replace_value};
+use seedbed_env::input::limits::MAX_OVERRIDE_BYTES;
 use seedbed_env::input::{self, Document, InputError, nearest_name, quoted_list};
 use seedbed_learn::algorithms::catalogue::Parameter;
+
+/// Number of characters of an override that is too long which its error shows.
+const SHOWN_CHARACTERS: usize = 40;
 
 /// A file that can be written with all defaults.
 pub trait Resolve: DeserializeOwned {
@@ -47,6 +51,17 @@ pub fn apply<T: Resolve>(
         message,
         help,
     };
+    if assignment.len() > MAX_OVERRIDE_BYTES {
+        let shown: String = assignment.chars().take(SHOWN_CHARACTERS).collect();
+        let message = format!(
+            "expected at most {MAX_OVERRIDE_BYTES} characters, found {}",
+            assignment.len()
+        );
+        return Err(InputError {
+            origin: format!("--set {shown}…"),
+            ..invalid("", message, None)
+        });
+    }
     let Some((path, value)) = assignment.split_once('=') else {
         let message = "expected PATH=VALUE, such as agents.count=16";
         return Err(invalid("", message.to_owned(), None));

@@ -15,6 +15,7 @@ use std::str::FromStr;
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
+use seedbed_env::input::limits::MAX_TABLE_BYTES;
 use serde::{Deserialize, Serialize};
 
 use super::claims::ClaimResult;
@@ -30,9 +31,6 @@ use crate::text::from_spreadsheet_cell;
 
 /// Name of the file with one row per run.
 const TABLE: &str = "results.csv.gz";
-
-/// Size of the uncompressed table up to which it is read, so that a small file cannot fill the memory.
-const MAX_TABLE_BYTES: u64 = 1 << 30;
 
 /// What made the runs of a study: `builds.json`.
 #[derive(Serialize, Deserialize)]

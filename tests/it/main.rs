@@ -11,6 +11,8 @@ mod docs;
 mod external;
 #[cfg(target_os = "linux")]
 mod failing_calls;
+mod fuzz;
+mod generated;
 mod learning;
 mod messages;
 mod published;

@@ -25,7 +25,7 @@ fn checksum(bytes: &[u8]) -> u32 {
     })
 }
 
-fn frame(kind: [u8; 4], payload: &[u8]) -> Vec<u8> {
+pub(crate) fn frame(kind: [u8; 4], payload: &[u8]) -> Vec<u8> {
     let mut start = kind.to_vec();
     start.extend((payload.len() as u32).to_le_bytes());
     start.extend(checksum(payload).to_le_bytes());

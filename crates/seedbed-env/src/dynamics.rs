@@ -104,6 +104,13 @@ impl CoordinateColumns {
         )
     }
 
+    /// Makes the coordinates of a copy NaN, because its motion cannot be computed any more.
+    pub(crate) fn set_not_finite(&mut self, copy: usize) {
+        for coordinate in 0..self.positions.len() / self.copies {
+            self.set(coordinate, copy, f32::NAN, f32::NAN);
+        }
+    }
+
     /// Position and velocity of each coordinate of one copy: `[coordinates]`.
     pub(crate) fn row(&self, copy: usize) -> Vec<(f32, f32)> {
         (0..self.positions.len() / self.copies)

@@ -26,6 +26,7 @@ pub use surfaces::{Collider, Geom, Points};
 
 use super::description::{Integrator, TaskDescription};
 use super::tabular;
+use crate::input::limits::{MAX_ENTRIES, short_list};
 use crate::input::numbers::{
     Count, FiniteNumber, NonNegative, Positive, PositiveUpTo10, ranged_count, ranged_number,
 };
@@ -55,26 +56,30 @@ pub struct TaskFile {
     #[serde(default)]
     pub solver: Solver,
     /// Fixed shapes of the world that are only drawn.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "short_list")]
     pub scenery: Vec<Geom>,
     /// Fixed surfaces of the world that can be touched. They are drawn as well.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "short_list")]
     pub colliders: Vec<Collider>,
     /// Name of the body that the view follows; by default the view is fixed.
     #[serde(default)]
     pub tracked: Option<Located<String>>,
     /// Rigid bodies.
+    #[serde(deserialize_with = "short_list")]
     pub bodies: Vec<Body>,
     /// Joints: at most one per child body, parents before their children. A body that is no joint's
     /// child is free: it has the coordinates `NAME.x`, `NAME.y` and `NAME.angle`, the position and
     /// angle of its frame in the world.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "short_list")]
     pub joints: Vec<Joint>,
     /// What the agent drives.
+    #[serde(deserialize_with = "short_list")]
     pub actuators: Vec<Actuator>,
     /// What is measured.
+    #[serde(deserialize_with = "short_list")]
     pub sensors: Vec<Sensor>,
     /// What the agent observes.
+    #[serde(deserialize_with = "short_list")]
     pub observations: Vec<Observation>,
     /// Formula of the reward of a step, over observations, actions and sensors after the step.
     pub reward: Located<String>,
@@ -83,7 +88,7 @@ pub struct TaskFile {
     pub terminated: Located<String>,
     /// Where episodes start. Joints that are not mentioned start at rest at 0, free bodies at rest
     /// where the file puts them.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "short_list")]
     pub reset: Vec<StartCoordinate>,
     /// The task's analytic model.
     #[serde(default)]
@@ -128,13 +133,13 @@ pub struct Body {
     pub inertia: Option<Positive>,
     /// Shapes in the body's frame. They are drawn, and give the center of mass and the inertia if
     /// these are left out.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "short_list")]
     pub geoms: Vec<Geom>,
     /// Shapes in the body's frame that touch others. They are drawn and have mass as well.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "short_list")]
     pub colliders: Vec<Collider>,
     /// Forces on the body, given by formulas.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "short_list")]
     pub forces: Vec<Force>,
     /// Offset between where the body is and where it is drawn.
     #[serde(default, rename = "drawn")]
@@ -443,6 +448,12 @@ impl TryFrom<Vec<FiniteNumber>> for DiscreteValues {
     type Error = String;
 
     fn try_from(values: Vec<FiniteNumber>) -> Result<Self, String> {
+        if values.len() > MAX_ENTRIES {
+            return Err(format!(
+                "expected at most {MAX_ENTRIES} values, found {}",
+                values.len()
+            ));
+        }
         if values.len() >= 2 {
             Ok(Self(values))
         } else {

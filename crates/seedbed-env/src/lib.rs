@@ -39,6 +39,7 @@
 //! Agents, learning and recording are other crates, on which this one must not depend.
 
 pub mod analytic;
+mod caught_panic;
 pub mod description;
 pub mod dynamics;
 mod environment;
@@ -52,6 +53,7 @@ pub mod random;
 mod sensing;
 pub mod tabular;
 
+pub use caught_panic::caught_panic;
 pub use description::TaskDescription;
 pub use environment::{build, build_dynamics};
 pub use file::{load, load_from, parse};

@@ -22,8 +22,8 @@ use rerun::external::re_log_encoding::{
 use rerun::external::re_log_types;
 use rerun::log::{Chunk, LogMsg};
 
-use super::caught_panic::caught_panic;
 use crate::record::ReadError;
+use seedbed_env::caught_panic;
 
 /// A block that LZ4 compresses to n bytes has at most 255 n bytes.
 const MAX_LZ4_RATIO: u64 = 255;

@@ -9,7 +9,6 @@
 
 mod annotations;
 mod blueprint;
-mod caught_panic;
 mod curves;
 mod decode;
 mod description;

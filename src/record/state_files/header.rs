@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use seedbed_env::input::limits::{MAX_RECORDED_AGENTS, MAX_RECORDED_AXES};
 use serde::Deserialize;
 
 /// What the states of an agent are.
@@ -30,12 +31,6 @@ pub(super) struct HeaderAxis {
     pub high: Option<f32>,
 }
 
-/// Maximum number of observations, and of components of an action.
-const MAX_AXES: usize = 10_000;
-
-/// Maximum number of agents.
-const MAX_AGENTS: u32 = 1 << 16;
-
 impl Header {
     /// Decodes a header.
     pub(super) fn from_json(payload: &[u8]) -> Result<Self, String> {
@@ -46,15 +41,21 @@ impl Header {
     }
 
     fn check(&self) -> Result<(), String> {
-        if self.agent >= MAX_AGENTS {
-            return Err(format!("agent {} is not below {MAX_AGENTS}", self.agent));
+        if self.agent >= MAX_RECORDED_AGENTS {
+            return Err(format!(
+                "agent {} is not below {MAX_RECORDED_AGENTS}",
+                self.agent
+            ));
         }
         for (axes, kind) in [
             (&self.observations, "observations"),
             (&self.actions, "actions"),
         ] {
-            if !(1..=MAX_AXES).contains(&axes.len()) {
-                return Err(format!("{} {kind}, expected 1 to {MAX_AXES}", axes.len()));
+            if !(1..=MAX_RECORDED_AXES).contains(&axes.len()) {
+                return Err(format!(
+                    "{} {kind}, expected 1 to {MAX_RECORDED_AXES}",
+                    axes.len()
+                ));
             }
             let mut names = BTreeSet::new();
             for axis in axes {

@@ -185,7 +185,7 @@ fn add_episode(
     agent.returns.push(rows.number(columns.r#return)?);
     let earlier = agent.env_steps.last().copied().unwrap_or(0);
     if let Some(column) = columns.length {
-        agent.env_steps.push(earlier + rows.count(column)?);
+        agent.env_steps.push(rows.sum(earlier, column)?);
     }
     if let Some(column) = columns.env_steps {
         let steps = rows.count(column)?;

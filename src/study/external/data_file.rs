@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use seedbed_env::input::limits::{MAX_TABLE_BYTES, read_bytes};
 use seedbed_env::input::{InputError, Position};
 
 /// A file as it was when it was read.
@@ -30,7 +31,8 @@ pub(super) struct DataFile {
 impl DataFile {
     /// Reads a file. Its hash has the path relative to `folder`.
     pub(super) fn read(folder: &Path, path: &Path) -> Result<Self, InputError> {
-        let bytes = std::fs::read(path).map_err(|error| file_error(path, error.to_string()))?;
+        let bytes = read_bytes(path, MAX_TABLE_BYTES)
+            .map_err(|error| file_error(path, error.to_string()))?;
         Ok(Self {
             path: path.to_owned(),
             hash: FileHash {
@@ -208,6 +210,19 @@ impl<'a> Rows<'a> {
                     self.text(column)
                 ),
             )
+        })
+    }
+
+    /// `earlier` plus the whole number in a column of this row.
+    pub(super) fn sum(&self, earlier: u64, column: Column) -> Result<u64, InputError> {
+        let sum = earlier.checked_add(self.count(column)?);
+        sum.ok_or_else(|| {
+            let message = format!(
+                "expected a sum of at most {} with the earlier {earlier}, found `{}`",
+                u64::MAX,
+                self.text(column)
+            );
+            self.error(column, message)
         })
     }
 

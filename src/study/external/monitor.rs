@@ -60,7 +60,7 @@ fn read_agent(file: &DataFile) -> Result<AgentEpisodes, InputError> {
     let (mut agent, mut steps) = (AgentEpisodes::default(), 0);
     while rows.advance()? {
         agent.returns.push(rows.number(r#return)?);
-        steps += rows.count(length)?;
+        steps = rows.sum(steps, length)?;
         agent.env_steps.push(steps);
     }
     if agent.returns.is_empty() {

@@ -29,7 +29,8 @@ pub(super) struct Limits {
 pub(super) fn team_steps(agents: &mut [AgentEpisodes]) {
     let count = agents.len() as u64;
     for steps in agents.iter_mut().flat_map(|agent| &mut agent.env_steps) {
-        *steps *= count;
+        // Numbers near the largest possible one stay in order.
+        *steps = steps.saturating_mul(count);
     }
 }
 

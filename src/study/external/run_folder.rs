@@ -17,11 +17,9 @@ use crate::run::summary::Summary;
 use crate::study::measure::Curve;
 use crate::study::run_result::{Milestone, RunResult};
 use seedbed_env::input::InputError;
+use seedbed_env::input::limits::MAX_AGENTS_OF_OTHERS;
 use seedbed_env::input::numbers::FiniteNumber;
 use seedbed_stats::aggregate::mean;
-
-/// Largest number of agents, so that a damaged number does not fill the memory.
-const MAX_AGENTS: u64 = 1_000_000;
 
 /// A row of `episodes.csv`, as far as studies need it.
 struct Episode {
@@ -93,10 +91,10 @@ fn read_episodes(file: &DataFile) -> Result<Vec<Episode>, InputError> {
     let mut next_episodes: Vec<u64> = Vec::new();
     while rows.advance()? {
         let found_agent = rows.count(agent)?;
-        if found_agent >= MAX_AGENTS {
+        if found_agent >= MAX_AGENTS_OF_OTHERS {
             return Err(rows.error(
                 agent,
-                format!("expected an agent below {MAX_AGENTS}, found {found_agent}"),
+                format!("expected an agent below {MAX_AGENTS_OF_OTHERS}, found {found_agent}"),
             ));
         }
         let index = found_agent as usize;

@@ -7,6 +7,7 @@ use syn::{BinOp, Block, Expr, ExprBinary, ExprCall, ExprIf, ExprLit, ExprUnary, 
 use super::delimiters::tokenization_error;
 use super::operation::{FUNCTIONS, Operation};
 use super::{Instruction, Operand, Program, Type};
+use crate::input::limits::MAX_FORMULA_BYTES;
 use crate::input::{nearest_name, quoted_list};
 
 /// A name that a formula may use.
@@ -36,10 +37,6 @@ pub struct ExpressionError {
 /// Names that are reserved in formulas.
 pub const RESERVED_NAMES: [&str; 3] = ["pi", "degree", "previous"];
 
-/// Maximum length of a formula, in bytes. It limits how deeply a formula can be nested, and thus
-/// the stack that parsing it recursively takes.
-const MAX_LENGTH: usize = 1000;
-
 /// Compiles a formula of the given type over `variables`.
 ///
 /// # Errors
@@ -49,9 +46,9 @@ pub fn compile(
     expected: Type,
     variables: &[Variable],
 ) -> Result<Program, ExpressionError> {
-    if text.len() > MAX_LENGTH {
+    if text.len() > MAX_FORMULA_BYTES {
         let message = format!(
-            "a formula can have at most {MAX_LENGTH} characters, this one has {}",
+            "a formula can have at most {MAX_FORMULA_BYTES} characters, this one has {}",
             text.len()
         );
         return Err(ExpressionError {

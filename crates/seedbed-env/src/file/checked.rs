@@ -5,6 +5,7 @@ use serde::Deserialize;
 
 use super::{Control, DiscreteValues, Distribution};
 use crate::expression::RESERVED_NAMES;
+use crate::input::limits::MAX_NAME_BYTES;
 use crate::input::numbers::{FiniteNumber, Positive};
 
 /// An interval of two finite numbers, `(low, high)` with low < high.
@@ -152,6 +153,12 @@ impl TryFrom<String> for Name {
         if RESERVED_NAMES.contains(&text.as_str()) {
             return Err(format!(
                 "`{text}` is reserved in formulas: choose another name"
+            ));
+        }
+        if text.len() > MAX_NAME_BYTES {
+            return Err(format!(
+                "a name can have at most {MAX_NAME_BYTES} characters, this one has {}",
+                text.len()
             ));
         }
         match syn::parse_str::<syn::Ident>(&text) {

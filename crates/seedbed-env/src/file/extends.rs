@@ -15,10 +15,8 @@ use std::path::{Path, PathBuf};
 use serde::de::IgnoredAny;
 
 use self::fields::{Field, FileParts};
+use crate::input::limits::MAX_EXTENDED_FILES;
 use crate::input::{self, Disk, FileSource, InputError};
-
-/// Maximum number of files in a chain of `extends`.
-const MAX_FILES: usize = 8;
 
 /// The text of a task file, merged with the fields of the files that it extends.
 pub(super) struct MergedText {
@@ -152,9 +150,9 @@ impl MergedText {
                 "`{name}` extends this file in turn: remove one of the two `extends`"
             ));
         }
-        if self.files.len() == MAX_FILES {
+        if self.files.len() == MAX_EXTENDED_FILES {
             return error(format!(
-                "at most {MAX_FILES} files can extend each other in a chain"
+                "at most {MAX_EXTENDED_FILES} files can extend each other in a chain"
             ));
         }
         let (own_kind, base_kind) = (file.kind()?, base.kind()?);

@@ -1,6 +1,8 @@
 //! Resolves a task file: replaces names by indices, formulas by programs, and omitted fields by
 //! their defaults.
 
+use std::collections::HashSet;
+
 use super::actuators::action;
 use super::surfaces::{self, shape};
 use super::{
@@ -148,14 +150,12 @@ impl<'a> Resolver<'a> {
 
     /// Indices of the bodies that are no joint's child.
     pub(super) fn free_bodies(&self) -> Vec<usize> {
-        let is_child = |body: &Body| {
-            self.file
-                .joints
-                .iter()
-                .any(|joint| *joint.child == *body.name.as_ref())
-        };
-        (0..self.file.bodies.len())
-            .filter(|&body| !is_child(&self.file.bodies[body]))
+        let joints = self.file.joints.iter();
+        let children: HashSet<&str> = joints.map(|joint| joint.child.as_str()).collect();
+        let bodies = self.file.bodies.iter().enumerate();
+        bodies
+            .filter(|(_, body)| !children.contains(body.name.value().as_ref()))
+            .map(|(index, _)| index)
             .collect()
     }
 

@@ -4,6 +4,7 @@ use serde::Deserialize;
 
 use super::{Direction, Name, Vector};
 use crate::description::{self, Surface};
+use crate::input::limits::MAX_POINTS;
 use crate::input::numbers::{FiniteNumber, Fraction, NonNegative, Positive};
 use crate::input::{Located, ValidationError};
 use crate::{Shape, physics};
@@ -100,11 +101,16 @@ impl<const MIN: usize> TryFrom<Vec<Vector>> for Points<MIN> {
     type Error = String;
 
     fn try_from(points: Vec<Vector>) -> Result<Self, String> {
-        if points.len() >= MIN {
+        if (MIN..=MAX_POINTS).contains(&points.len()) {
             return Ok(Self(points));
         }
+        let expected = if points.len() < MIN {
+            format!("at least {MIN}")
+        } else {
+            format!("at most {MAX_POINTS}")
+        };
         Err(format!(
-            "expected at least {MIN} points, found {}",
+            "expected {expected} points, found {}",
             points.len()
         ))
     }

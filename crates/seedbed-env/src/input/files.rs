@@ -5,6 +5,7 @@ use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use super::error::InputError;
+use super::limits::{self, MAX_TEXT_BYTES};
 
 /// Where task files, and the files that they extend, are read.
 pub trait FileSource {
@@ -70,7 +71,7 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
 /// # Errors
 /// The text cannot be read.
 pub fn read_text_from(path: &Path, source: impl Read) -> Result<String, InputError> {
-    let text = std::io::read_to_string(source).map_err(|error| unreadable(path, &error))?;
+    let text = limits::text_of(source, MAX_TEXT_BYTES).map_err(|error| unreadable(path, &error))?;
     Ok(text.trim_start_matches('\u{feff}').to_owned())
 }
 

@@ -20,6 +20,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::error::{InputError, position};
 use super::explanation::explain;
+use super::limits::MAX_NESTING;
 use super::names::{quoted_list, suggestion};
 
 /// The text of a file together with the value that was read from it.
@@ -237,7 +238,8 @@ pub(super) fn deserialize<T: DeserializeOwned>(
 
 fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, InputError> {
     let options = ron::Options::default()
-        .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
+        .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES)
+        .with_recursion_limit(MAX_NESTING);
     let located = |spanned: &ron::error::SpannedError, field: String| {
         located_error(origin, text, spanned, field)
     };

@@ -10,6 +10,7 @@ mod error;
 mod explanation;
 mod files;
 mod kind;
+pub mod limits;
 mod located;
 mod names;
 pub mod numbers;

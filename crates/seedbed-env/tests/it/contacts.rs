@@ -684,3 +684,32 @@ fn a_body_force_pushes_and_turns() {
         assert!((turn - spin).abs() < 1e-4, "{frame}: {turn} rad/s");
     }
 }
+
+/// A weight beyond what numbers of single precision can express: Rapier cannot compute with it. The
+/// motion is not finite, and the next episode begins like any other.
+#[test]
+fn a_motion_that_cannot_be_computed_is_not_finite() {
+    let text = r#"Environment(
+        description: "A test.", gravity: (3e38, 0.0), control_step: 10.0, time_limit: 16,
+        bodies: [
+            (name: "block", mass: 1.0, colliders: [(geom: Ball(radius: 0.1))]),
+        ],
+        joints: [(name: "rail", parent: "world", child: "block", type: Slide(axis: (1.0, 0.0)), range: (-1.5, 2.0))],
+        actuators: [(name: "servo", type: VelocityServo(joint: "rail", kv: 1.2), control: Continuous(2.8, 3.1))],
+        sensors: [], observations: [], reward: "0",
+    )"#;
+    let task = parse_bodies("test", text.to_owned());
+    let mut bodies = bodies(&task);
+    for _ in 0..2 {
+        bodies.start(0, &[0.3], &[3.4]);
+        assert_eq!(bodies.coordinates().get(0, 0), (0.3, 3.4));
+        for _ in 0..5 {
+            bodies.step(&[3.0]);
+        }
+        let (position, velocity) = coordinate(&*bodies, 0);
+        assert!(
+            position.is_nan() && velocity.is_nan(),
+            "{position} {velocity}"
+        );
+    }
+}

@@ -49,7 +49,9 @@ impl Dynamics for ContactWorlds {
             self.columns
                 .set(coordinate, copy, position as f32, velocity as f32);
         }
-        self.worlds[copy].start(&self.template, &self.frames, positions, velocities);
+        if !self.worlds[copy].start(&self.template, &self.frames, positions, velocities) {
+            self.columns.set_not_finite(copy);
+        }
     }
 
     fn stop(&mut self, copy: usize) {
@@ -59,8 +61,11 @@ impl Dynamics for ContactWorlds {
     fn step(&mut self, controls: &[f32]) {
         for (copy, world) in self.worlds.iter_mut().enumerate() {
             if world.live {
-                world.step(&self.template, copy, controls, self.columns.copies());
-                world.read(&self.template, copy, &mut self.columns);
+                if world.step(&self.template, copy, controls, self.columns.copies()) {
+                    world.read(&self.template, copy, &mut self.columns);
+                } else {
+                    self.columns.set_not_finite(copy);
+                }
             }
         }
     }

@@ -13,7 +13,7 @@ use super::build::WorldTemplate;
 use super::link::Root;
 use crate::dynamics::CoordinateColumns;
 use crate::kinematics::Frame;
-use crate::{Force, ForceSource};
+use crate::{Force, ForceSource, caught_panic};
 
 /// One copy of a task in its own Rapier world.
 #[derive(Serialize, Deserialize)]
@@ -37,8 +37,22 @@ impl World {
     }
 
     /// Starts an episode with the same bits as a new world: everything that Rapier keeps between
-    /// steps is replaced.
+    /// steps is replaced. Returns whether the numbers of the start are small enough to compute with;
+    /// if not, the copy is not live.
     pub(super) fn start(
+        &mut self,
+        template: &WorldTemplate,
+        frames: &[Frame],
+        positions: &[f64],
+        velocities: &[f64],
+    ) -> bool {
+        // Rapier's limits panic where numbers are not finite.
+        let placed = caught_panic(|| self.place(template, frames, positions, velocities));
+        self.live = placed.is_ok();
+        self.live
+    }
+
+    fn place(
         &mut self,
         template: &WorldTemplate,
         frames: &[Frame],
@@ -69,7 +83,6 @@ impl World {
             });
         self.place_roots(template, frames);
         self.process_changes();
-        self.live = true;
     }
 
     fn place_bodies(&mut self, template: &WorldTemplate, frames: &[Frame]) {
@@ -115,18 +128,23 @@ impl World {
     }
 
     /// Advances the world by one control step. `controls`: `[(actuators + formula
-    /// forces) × copies]`.
+    /// forces) × copies]`. Returns whether numbers were small enough to compute with; if not, the copy
+    /// is not live any more.
     pub(super) fn step(
         &mut self,
         template: &WorldTemplate,
         copy: usize,
         controls: &[f32],
         copies: usize,
-    ) {
-        for _ in 0..template.contact_updates {
-            self.apply_controls(template, copy, controls, copies);
-            self.world.step();
-        }
+    ) -> bool {
+        let stepped = caught_panic(|| {
+            for _ in 0..template.contact_updates {
+                self.apply_controls(template, copy, controls, copies);
+                self.world.step();
+            }
+        });
+        self.live = stepped.is_ok();
+        self.live
     }
 
     /// Sets the forces and servo targets.

@@ -11,7 +11,10 @@ thread_local! {
 
 /// The result of `call`, or the message of its panic, which is not printed. What `call` changed must
 /// not be used after a panic.
-pub(super) fn caught_panic<T>(call: impl FnOnce() -> T) -> Result<T, String> {
+///
+/// # Errors
+/// The message of the panic.
+pub fn caught_panic<T>(call: impl FnOnce() -> T) -> Result<T, String> {
     print_no_caught_panics();
     let was_caught = IS_CAUGHT.replace(true);
     let result = panic::catch_unwind(AssertUnwindSafe(call));

@@ -1,0 +1,203 @@
+//! Limits of what is read from files and arguments, all in one place.
+//!
+//! Each is far above what a real input needs. They exist because readers must end with an error
+//! that names the limit, whatever they are given, instead of overflowing the stack (nesting),
+//! filling the memory (sizes), or not returning for hours (numbers of entries that are compared
+//! with each other). Ranges of single numbers are part of their types: see
+//! [`numbers`](super::numbers).
+
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Read};
+use std::marker::PhantomData;
+use std::path::Path;
+
+use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
+
+/// Maximum size in bytes of a text that users write: a task, a scenario or a study. Such a text is
+/// kept in memory several times, as text and as values.
+pub const MAX_TEXT_BYTES: u64 = 16 << 20;
+
+/// Maximum size in bytes of a table, or another file of results, that is read as a whole.
+pub const MAX_TABLE_BYTES: u64 = 1 << 30;
+
+/// Maximum depth of nested values in a RON text, each of which takes stack.
+pub const MAX_NESTING: usize = 128;
+
+/// Maximum length of a formula in bytes. It limits how deeply a formula can be nested, and thus
+/// the stack that parsing it recursively takes.
+pub const MAX_FORMULA_BYTES: usize = 1000;
+
+/// Maximum length in bytes of a name in a task: it is parsed as formulas are, is compared with all
+/// other names, and is part of the names of columns and panels.
+pub const MAX_NAME_BYTES: usize = 200;
+
+/// Maximum length in bytes of an override, such as `agents.count=16`.
+pub const MAX_OVERRIDE_BYTES: usize = 10_000;
+
+/// Maximum number of task files in a chain of `extends`.
+pub const MAX_EXTENDED_FILES: usize = 8;
+
+/// Maximum number of entries of a list of a task, such as bodies or observations. References by
+/// name are looked up in these lists, so that the time of a check grows with the square.
+pub const MAX_ENTRIES: usize = 1000;
+
+/// Maximum number of points of a shape.
+pub const MAX_POINTS: usize = 10_000;
+
+/// Maximum number of observations, and of components of an action, in files that other programs
+/// record.
+pub const MAX_RECORDED_AXES: usize = 10_000;
+
+/// Maximum number of agents in files that other programs record.
+pub const MAX_RECORDED_AGENTS: u32 = 1 << 16;
+
+/// Maximum number of agents in results of others. Each takes memory even without an episode.
+pub const MAX_AGENTS_OF_OTHERS: u64 = 1_000_000;
+
+/// Reads a file whole, unless it has more than `max_bytes`.
+///
+/// # Errors
+/// The file is too large or cannot be read.
+pub fn read_bytes(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
+    bytes_of(File::open(path)?, max_bytes)
+}
+
+/// Like [`read_bytes`], for a text.
+///
+/// # Errors
+/// Those of [`read_bytes`], or the file is not UTF-8 ([`io::ErrorKind::InvalidData`]).
+pub fn read_text(path: &Path, max_bytes: u64) -> io::Result<String> {
+    text_of(File::open(path)?, max_bytes)
+}
+
+/// All text of `source`, unless it has more than `max_bytes`.
+///
+/// # Errors
+/// As [`read_text`].
+pub fn text_of(source: impl Read, max_bytes: u64) -> io::Result<String> {
+    let text = String::from_utf8(bytes_of(source, max_bytes)?);
+    text.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+}
+
+/// The size is limited while reading, because devices and pipes do not have one beforehand.
+fn bytes_of(source: impl Read, max_bytes: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    source.take(max_bytes + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > max_bytes {
+        return Err(io::Error::new(
+            io::ErrorKind::FileTooLarge,
+            format!("expected at most {}, found more", readable_size(max_bytes)),
+        ));
+    }
+    Ok(bytes)
+}
+
+/// Reads a list of at most [`MAX_ENTRIES`] entries: `#[serde(deserialize_with = …)]`.
+///
+/// # Errors
+/// The list is longer, or one of its entries is wrong.
+pub fn short_list<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    deserializer: D,
+) -> Result<Vec<T>, D::Error> {
+    deserializer.deserialize_seq(ShortList(PhantomData))
+}
+
+/// Visits a list, and stops at the first entry that is too many.
+struct ShortList<T>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for ShortList<T> {
+    type Value = Vec<T>;
+
+    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("a sequence")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut entries: A) -> Result<Vec<T>, A::Error> {
+        let mut list = Vec::new();
+        while let Some(entry) = entries.next_element()? {
+            if list.len() == MAX_ENTRIES {
+                let message =
+                    format!("expected a list of at most {MAX_ENTRIES} entries, found more");
+                return Err(A::Error::custom(message));
+            }
+            list.push(entry);
+        }
+        Ok(list)
+    }
+}
+
+/// For example `16 MiB`.
+fn readable_size(bytes: u64) -> String {
+    match bytes {
+        _ if bytes >= 1 << 30 => format!("{} GiB", bytes >> 30),
+        _ if bytes >= 1 << 20 => format!("{} MiB", bytes >> 20),
+        _ => format!("{bytes} bytes"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input::{parse, read_text as read_input};
+
+    #[derive(Debug, serde::Deserialize)]
+    struct Team {
+        #[serde(deserialize_with = "short_list")]
+        members: Vec<u32>,
+    }
+
+    fn team(members: usize) -> String {
+        format!("Team(members: [{}])", "7, ".repeat(members))
+    }
+
+    #[test]
+    fn a_list_has_at_most_the_maximum_of_entries() {
+        let longest = parse::<Team>("team.ron", team(MAX_ENTRIES)).unwrap();
+        assert_eq!(longest.value.members.len(), MAX_ENTRIES);
+        let error = parse::<Team>("team.ron", team(MAX_ENTRIES + 1)).unwrap_err();
+        assert_eq!(error.field, "members");
+        assert_eq!(
+            error.message,
+            "expected a list of at most 1000 entries, found more"
+        );
+        let position = error.position.unwrap();
+        // Each entry takes three columns, after `Team(members: [`.
+        assert_eq!((position.line, position.column / 3), (1, 3019 / 3));
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn endless_files_are_refused() {
+        let endless = Path::new("/dev/zero");
+        let error = read_bytes(endless, 100).unwrap_err();
+        assert_eq!(error.to_string(), "expected at most 100 bytes, found more");
+        let error = read_input(endless).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "/dev/zero: expected at most 16 MiB, found more"
+        );
+    }
+
+    #[test]
+    fn a_file_of_the_maximal_size_is_read() {
+        let path = Path::new("Cargo.toml");
+        let size = std::fs::metadata(path).unwrap().len();
+        assert_eq!(read_bytes(path, size).unwrap().len() as u64, size);
+        assert!(read_bytes(path, size - 1).is_err());
+    }
+
+    /// RON ends nested values with an error, as formulas and names do.
+    #[test]
+    fn deep_nesting_is_refused() {
+        let nested = |depth: usize| "[".repeat(depth) + &"]".repeat(depth);
+        for depth in [MAX_NESTING + 1, 100_000] {
+            let error = crate::input::check_ron_value(&nested(depth)).unwrap_err();
+            assert!(!error.is_empty(), "{depth}");
+        }
+        assert_eq!(
+            crate::input::check_ron_value(&nested(MAX_NESTING - 8)),
+            Ok(())
+        );
+    }
+}
