@@ -186,7 +186,14 @@ impl Target for StudyResults {
     }
 
     fn read(&mut self, _: &[u8]) -> bool {
-        let results = Results::read(&StudyFolder::new(&self.folder)).unwrap();
+        let results = match Results::read(&StudyFolder::new(&self.folder)) {
+            Ok(results) => results,
+            Err(error) => {
+                let file = self.path.display().to_string();
+                assert!(error.to_string().contains(&file), "{error}");
+                return false;
+            }
+        };
         let claims = claims::evaluate(&results);
         report::write_texts(&results, &claims, &self.folder).unwrap();
         results.cells.iter().all(|cell| cell.missing == 0)

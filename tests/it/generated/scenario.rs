@@ -109,6 +109,10 @@ impl Generator {
         }
         if random.random_ratio(1, 3) {
             overrides.push(format!("checkpoint_every={}", random.random_range(1..3)));
+            overrides.push(format!(
+                "checkpoint_share={:?}",
+                random.random_range(0.01..=1.0)
+            ));
             overrides.push(format!("seed={}", random.random::<u64>()));
         }
         parts.push(if random.random() {
