@@ -137,14 +137,15 @@ impl World {
         controls: &[f32],
         copies: usize,
     ) -> bool {
-        let stepped = caught_panic(|| {
-            for _ in 0..template.contact_updates {
-                self.apply_controls(template, copy, controls, copies);
-                self.world.step();
+        for _ in 0..template.contact_updates {
+            self.apply_controls(template, copy, controls, copies);
+            // Rapier's limits of motors panic where coordinates are not finite.
+            if caught_panic(|| self.world.step()).is_err() {
+                self.live = false;
+                return false;
             }
-        });
-        self.live = stepped.is_ok();
-        self.live
+        }
+        true
     }
 
     /// Sets the forces and servo targets.
