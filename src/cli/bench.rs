@@ -59,16 +59,15 @@ fn load_scenarios(args: &BenchArgs) -> Result<Vec<Arc<dyn Experiment>>, CliError
     Ok(experiments)
 }
 
-/// An error if the largest runs, as many at once as there are threads, need more memory than there is.
+/// An error if the runs, as many at once as there are threads, need more memory than there is.
 fn check_memory(args: &BenchArgs, experiments: &[Arc<dyn Experiment>]) -> Result<(), CliError> {
-    let largest = experiments
-        .iter()
-        .map(|experiment| experiment.memory())
-        .max();
     let jobs = thread_count(args.jobs.map_or(0, usize::from));
     let at_once = jobs.min(args.seeds as usize);
-    let what = format!("{} at once", pluralize(at_once, "run"));
-    memory::check(&what, largest.unwrap_or(0).saturating_mul(at_once as u64))
+    memory::check_runs(
+        experiments.iter().map(|experiment| experiment.memory()),
+        at_once,
+        "",
+    )
 }
 
 /// Runs one scenario after the other and prints the results of each as soon as it is finished.

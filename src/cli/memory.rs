@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::CliError;
+use super::{CliError, pluralize};
 
 /// The most memory that this process can have.
 #[derive(Debug, PartialEq, Eq)]
@@ -26,6 +26,20 @@ pub(super) fn check(what: &str, needed: u64) -> Result<(), CliError> {
         limit.source,
         gigabytes(limit.bytes)
     )))
+}
+
+/// An error if `at_once` runs need more memory than this process can have, each as much as the largest
+/// of `runs`, in bytes.
+pub(super) fn check_runs(
+    runs: impl Iterator<Item = u64>,
+    at_once: usize,
+    name: &str,
+) -> Result<(), CliError> {
+    let what = format!("{}{name} at once", pluralize(at_once, "run"));
+    check(
+        &what,
+        runs.max().unwrap_or(0).saturating_mul(at_once as u64),
+    )
 }
 
 fn gigabytes(bytes: u64) -> String {

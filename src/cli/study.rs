@@ -578,12 +578,11 @@ fn lock_folder(folder: &StudyFolder, is_exclusive: bool) -> Result<FileLock, Cli
     Ok(lock)
 }
 
-/// An error if the largest runs, as many at once as there are threads, need more memory than there is.
+/// An error if the runs, as many at once as there are threads, need more memory than there is.
 fn check_memory(args: &StudyArgs, plan: &StudyPlan) -> Result<(), CliError> {
-    let largest = plan.cells.iter().map(|cell| cell.source.memory()).max();
     let at_once = if args.index.is_some() { 1 } else { jobs(args) };
-    let what = format!("{} of `{}` at once", pluralize(at_once, "run"), plan.name);
-    memory::check(&what, largest.unwrap_or(0).saturating_mul(at_once as u64))
+    let runs = plan.cells.iter().map(|cell| cell.source.memory());
+    memory::check_runs(runs, at_once, &format!(" of `{}`", plan.name))
 }
 
 /// Number of simultaneous runs.

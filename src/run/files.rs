@@ -109,7 +109,12 @@ fn rename(mut path: TempPath, target: &Path) -> Result<()> {
 /// # Errors
 /// The operating system reports an error.
 pub fn remove_if_exists(path: &Path) -> Result<()> {
-    match fs::remove_file(path) {
+    ignore_not_found(fs::remove_file(path))
+}
+
+/// Success if the file or folder to remove did not exist.
+pub(super) fn ignore_not_found(result: Result<()>) -> Result<()> {
+    match result {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
         _ => Ok(()),
     }

@@ -6,7 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::file_lock::FileLock;
-use super::files::cannot_remove;
+use super::files::{cannot_remove, ignore_not_found};
 use super::{checkpoint, checksums, files, overview};
 use crate::record::state_files::StateFiles;
 
@@ -262,13 +262,5 @@ pub fn run_folder(path: &Path) -> RunFolder {
     match overview::run_folders(path).as_slice() {
         [only] => RunFolder::new(only),
         _ => folder,
-    }
-}
-
-/// Success if the file or directory to remove did not exist.
-fn ignore_not_found(result: io::Result<()>) -> io::Result<()> {
-    match result {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-        _ => Ok(()),
     }
 }

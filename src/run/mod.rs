@@ -207,7 +207,8 @@ fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result
 
 /// Trains until the scenario's `stop` is reached or `interrupted` is set. `recorder_factories` make
 /// the recorders. A resumed run continues with the recorders with which it began; further factories
-/// are ignored. A recorder without a factory is given up: what it recorded is set aside.
+/// are ignored. If a recorder has no factory, the run goes on without it, and what it
+/// recorded is kept in another file.
 ///
 /// # Errors
 /// A file could not be read or written, or a number is not finite. Files that were written before
