@@ -25,8 +25,10 @@ mod export;
 mod film;
 mod inspect;
 mod interruption;
+mod job_script;
 mod list;
 mod memory;
+mod merge;
 mod new;
 mod plot;
 mod preview;
@@ -51,6 +53,7 @@ use seedbed::run::checksums::Checksums;
 use seedbed::run::folder::RunFolder;
 use seedbed::run::review::{LoadRunError, LoadedRun};
 use seedbed::study::experiment::LoadError;
+use seedbed::study::shard::Shard;
 use seedbed::text::pluralize;
 use seedbed_env::input::InputError;
 
@@ -342,7 +345,9 @@ struct EvaluateArgs {
   seedbed study scenarios/thesis/fig_6_4a.ron             run what is missing, then write the report
   seedbed study scenarios/thesis/*.ron --quick            a short trial of every study
   seedbed study scenarios/thesis/fig_6_4a.ron --list      list all runs with their indices
-  seedbed study scenarios/thesis/fig_6_4a.ron --index $SLURM_ARRAY_TASK_ID    one run per cluster job
+  seedbed study scenarios/thesis/fig_6_4a.ron --script slurm > fig.sbatch     a job script for a cluster
+  seedbed study scenarios/thesis/fig_6_4a.ron --shard $SLURM_ARRAY_TASK_ID/40    one of 40 parts of the runs
+  seedbed study scenarios/thesis/fig_6_4a.ron --merge ~/other_cluster/fig_6_4a   unite results
   seedbed study scenarios/thesis/fig_6_4a.ron --verify    repeat ten stored runs and compare bits
   seedbed study mine.ron --power                          how many runs each confirmatory claim needs
   seedbed study mine.ron --register                       fix claims, cells and numbers of runs in mine.ron.lock
@@ -367,13 +372,32 @@ struct StudyArgs {
     /// Use the study's `quick` settings, in a separate directory
     #[arg(long)]
     quick: bool,
-    /// List all runs with their indices and states (finished, failed, damaged, to run), and run nothing
+    /// List all runs with their indices and states (finished, running, failed, interrupted, damaged, to
+    /// run), and run nothing
     #[arg(long)]
     list: bool,
     /// Execute only the run with this index, without a report; safe to use from many processes at
     /// once
     #[arg(long, value_name = "I", conflicts_with = "list")]
     index: Option<usize>,
+    /// Execute only the runs of shard I of N, counted from 0, without a report; safe to use from many
+    /// processes at once. Shards have about equal work
+    #[arg(long, value_name = "I/N", allow_hyphen_values = true)]
+    #[arg(conflicts_with_all = ["list", "index", "verify", "power", "register"])]
+    shard: Option<Shard>,
+    /// Print a job script that executes the study as an array of shards and then writes the report
+    #[arg(long, value_name = "SCHEDULER", value_enum)]
+    #[arg(conflicts_with_all = ["list", "index", "shard", "verify", "power", "register", "merge"])]
+    script: Option<job_script::Scheduler>,
+    /// Maximum number of tasks of the script: the `MaxArraySize` of the cluster
+    #[arg(long, value_name = "N", default_value_t = 1001, requires = "script")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=4_000_001))]
+    max_tasks: u32,
+    /// Copy the stored runs of this study from other directories, such as those of other clusters, and
+    /// run nothing. If a file is damaged or results differ, nothing is copied
+    #[arg(long, value_name = "DIR", num_args = 1..)]
+    #[arg(conflicts_with_all = ["list", "index", "shard", "verify", "power", "register", "retry"])]
+    merge: Vec<PathBuf>,
     /// Repeat runs that failed before
     #[arg(long)]
     retry: bool,

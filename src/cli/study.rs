@@ -5,17 +5,22 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use jiff::Timestamp;
+
 use super::interruption::StopRequests;
-use super::memory;
 use super::progress::StudyProgress;
-use super::{CliError, StudyArgs, pluralize, report, warning_without_locks};
+use super::{
+    CliError, StudyArgs, job_script, memory, merge, pluralize, report, warning_without_locks,
+};
 use seedbed::run::file_lock::FileLock;
 use seedbed::run::thread_count;
 use seedbed::study::plan::{PlannedRun, StudyPlan};
 use seedbed::study::power::powers;
 use seedbed::study::registration::{Lock, RegistrationError};
+use seedbed::study::run_marks::RunMark;
 use seedbed::study::runner;
-use seedbed::study::store::{StoredRun, StudyFolder};
+use seedbed::study::shard::Shard;
+use seedbed::study::store::{RunState, StoredRun, StudyFolder};
 use seedbed_stats::power::MAX_RUNS;
 
 pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
@@ -23,25 +28,19 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
         args.studies.iter().map(|path| load(args, path)).collect();
     let plans = plans?;
     check_distinct_folders(&plans)?;
-    if plans.len() > 1 && (args.out.is_some() || args.index.is_some()) {
-        return Err(CliError::Usage(
-            "--out and --index can be used with one study only".to_owned(),
-        ));
+    if plans.len() > 1
+        && let Some(option) = option_for_one_study(args)
+    {
+        let message = format!("{option} can be used with one study only");
+        return Err(CliError::Usage(message));
     }
-    if !(args.ignore_memory || args.list || args.power || args.register) {
+    if !args.ignore_memory && executes_runs(args) {
         plans.iter().try_for_each(|plan| check_memory(args, plan))?;
     }
     let mut failed_runs = 0;
     for plan in &plans {
         let folder = StudyFolder::new(args.out.clone().unwrap_or_else(|| plan.default_folder()));
-        failed_runs += match (args.index, args.verify) {
-            _ if args.list => print_runs(plan, &folder),
-            _ if args.power => print_power(plan),
-            _ if args.register => register(plan, &folder)?,
-            (Some(index), _) => run_one(args, plan, &folder, index)?,
-            (None, Some(max_runs)) => verify(args, plan, &folder, max_runs.into())?,
-            (None, None) => run_all(args, plan, &folder)?,
-        };
+        failed_runs += execute(args, plan, &folder)?;
     }
     let failure = if args.verify.is_some() {
         "not reproduced"
@@ -56,6 +55,49 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
             pluralize(failed_runs, "run")
         )))
     }
+}
+
+/// Does what `args` say with one study. Returns the number of failed runs.
+fn execute(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, CliError> {
+    if args.list {
+        print_runs(plan, folder);
+    } else if args.power {
+        print_power(plan);
+    } else if args.register {
+        register(plan, folder)?;
+    } else if args.script.is_some() {
+        job_script::print(args, plan, folder)?;
+    } else if !args.merge.is_empty() {
+        merge::merge(plan, folder, &args.merge)?;
+    } else if let Some(index) = args.index {
+        return run_one(args, plan, folder, index);
+    } else if let Some(shard) = args.shard {
+        return run_shard(args, plan, folder, shard);
+    } else if let Some(max_runs) = args.verify {
+        return verify(args, plan, folder, max_runs.into());
+    } else {
+        return run_all(args, plan, folder);
+    }
+    Ok(0)
+}
+
+/// Whether any run is executed.
+fn executes_runs(args: &StudyArgs) -> bool {
+    let prints_only = args.list || args.power || args.register || args.script.is_some();
+    !prints_only && args.merge.is_empty()
+}
+
+/// The first option that was given and can be used with one study only.
+fn option_for_one_study(args: &StudyArgs) -> Option<&'static str> {
+    let options = [
+        (args.out.is_some(), "--out"),
+        (args.index.is_some(), "--index"),
+        (args.shard.is_some(), "--shard"),
+        (args.script.is_some(), "--script"),
+        (!args.merge.is_empty(), "--merge"),
+    ];
+    let given = options.into_iter().find(|(is_given, _)| *is_given);
+    given.map(|(_, option)| option)
 }
 
 /// Reads a study and, with `--confirm`, its lock.
@@ -80,8 +122,8 @@ fn registration_error(error: RegistrationError) -> CliError {
     }
 }
 
-/// Registers a study. `folder` may have runs from before. Returns 0, the number of failed runs.
-fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, CliError> {
+/// Registers a study. `folder` may have runs from before.
+fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
     let lock = Lock::register(plan, folder).map_err(registration_error)?;
     let confirmatory = plan
         .study()
@@ -131,11 +173,11 @@ fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, CliError> {
         say!("");
         print_power(plan);
     }
-    Ok(0)
+    Ok(())
 }
 
-/// Prints the power of each confirmatory claim. Returns 0, the number of failed runs.
-fn print_power(plan: &StudyPlan) -> usize {
+/// Prints the power of each confirmatory claim.
+fn print_power(plan: &StudyPlan) {
     let powers = powers(plan.study());
     say!("power      {}: {} runs per cell", plan.name, plan.repeats());
     say!(
@@ -173,7 +215,6 @@ fn print_power(plan: &StudyPlan) -> usize {
             "Claims with `?` do not say what is expected: `expected: Shares(0.95, 0.7)` or `expected: Deviation(20)`."
         );
     }
-    0
 }
 
 /// An error if two studies would write to one directory: each would take the other's runs for its
@@ -196,7 +237,7 @@ fn check_distinct_folders(plans: &[StudyPlan]) -> Result<(), CliError> {
 
 /// An error if the directory belongs to another study, or to this study with another value of
 /// `--quick`.
-fn check_same_study(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
+pub(super) fn check_same_study(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
     let manifest = folder.manifest_if_any();
     let Some(manifest) = manifest.map_err(|error| CliError::Usage(error.to_string()))? else {
         return Ok(());
@@ -225,23 +266,35 @@ fn check_same_study(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliErr
     )))
 }
 
-/// Prints all runs with their indices and states. Returns 0, the number of failed runs.
-fn print_runs(plan: &StudyPlan, folder: &StudyFolder) -> usize {
+/// Prints all runs with their indices and states.
+fn print_runs(plan: &StudyPlan, folder: &StudyFolder) {
     for run in plan.runs() {
-        let state = match folder.stored_run(&run).map(|stored| stored.outcome) {
-            Some(Ok(_)) => "finished",
-            Some(Err(_)) => "failed",
-            None if damaged_file(&run, folder).is_some() => "damaged",
-            None => "to run",
+        let (state, mark) = match folder.state_of(&run) {
+            RunState::Finished => ("finished", None),
+            RunState::Failed => ("failed", None),
+            RunState::Running(mark) => ("running", Some(mark)),
+            RunState::Interrupted(mark) => ("interrupted", Some(mark)),
+            RunState::Damaged => ("damaged", None),
+            RunState::ToRun => ("to run", None),
         };
         say!(
-            "{:>6}  {state:<8}  {:<15}  {}",
+            "{:>6}  {state:<11}  {:<15}  {}{}",
             run.index,
             run.label(),
-            run.cell.name
+            run.cell.name,
+            mark.map_or_else(String::new, |mark| format!("  ({})", describe_mark(&mark)))
         );
     }
-    0
+}
+
+/// Who executes or executed a run, e.g. `Slurm job 12_7, process 4711 on node3, since
+/// 2026-01-31T12:00:00Z`.
+fn describe_mark(mark: &RunMark) -> String {
+    let job = mark.slurm_job.as_ref();
+    let job = job.map_or_else(String::new, |job| format!("Slurm job {job}, "));
+    let started = Timestamp::from_second(i64::try_from(mark.started).unwrap_or(i64::MAX));
+    let since = started.map_or_else(|_| String::new(), |started| format!(", since {started}"));
+    format!("{job}process {} on {}{since}", mark.process, mark.host)
 }
 
 /// Path of the result file of a run, if it is damaged, was edited or has another layout.
@@ -298,6 +351,58 @@ fn run_one(
     Ok(usize::from(stored.outcome.is_err()))
 }
 
+/// Executes the runs of a shard that have no stored result; other processes may work in the same
+/// directory. Returns the number of failed runs of the shard.
+fn run_shard(
+    args: &StudyArgs,
+    plan: &StudyPlan,
+    folder: &StudyFolder,
+    shard: Shard,
+) -> Result<usize, CliError> {
+    check_same_study(plan, folder)?;
+    let _lock = lock_folder(folder, false)?;
+    folder
+        .write_manifest(plan)
+        .map_err(|error| CliError::Runtime(error.to_string()))?;
+    let runs = shard.runs_of(&plan.distinct_runs());
+    let mut missing = runs.clone();
+    missing.retain(|run| {
+        let stored = folder.stored_run(run);
+        !stored.is_some_and(|stored| keeps_result(args, &stored))
+    });
+    warn_of_damaged_files(&missing, folder);
+    say!(
+        "study      {}: shard {shard}: {}, {} to run",
+        plan.name,
+        pluralize(runs.len(), "run"),
+        missing.len()
+    );
+    say!("results    {}", folder.runs_folder().display());
+    let started = Instant::now();
+    execute_runs(args, &missing, folder, &plan.name)?;
+    if !missing.is_empty() {
+        print_finished(missing.len(), jobs(args), started);
+    }
+    let failures: Vec<String> = runs
+        .iter()
+        .filter_map(|run| {
+            let failure = folder.stored_run(run)?.outcome.err()?;
+            Some(describe_run(run, &failure))
+        })
+        .collect();
+    print_failures(&failures);
+    Ok(failures.len())
+}
+
+fn print_finished(runs: usize, threads: usize, started: Instant) {
+    say!(
+        "finished   {} in {:.1} s on {}",
+        pluralize(runs, "run"),
+        started.elapsed().as_secs_f64(),
+        pluralize(threads, "thread")
+    );
+}
+
 /// Executes all runs that have no stored result, and writes the report. Returns the number of
 /// failed runs. A registered study stops at the first look at which all confirmatory claims are
 /// decided.
@@ -327,6 +432,7 @@ fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<u
             break;
         }
     }
+    folder.remove_marks();
     report::write_and_print(folder)
 }
 
@@ -347,9 +453,7 @@ fn run_missing(
         pluralize(plan.cells.len(), "cell"),
         pluralize(runs_per_cell as usize, "run"),
     );
-    for path in missing.iter().filter_map(|run| damaged_file(run, folder)) {
-        note!("warning: {}: its run is repeated", damage_message(&path));
-    }
+    warn_of_damaged_files(&missing, folder);
     let to_read = missing.iter().filter(|run| run.name.is_some()).count();
     let to_run = missing.len() - to_read;
     if plan
@@ -368,14 +472,16 @@ fn run_missing(
     let started = Instant::now();
     let failures = execute_runs(args, &missing, folder, &plan.name)?;
     if to_run > 0 {
-        let (run_count, thread_count) = (pluralize(to_run, "run"), pluralize(jobs(args), "thread"));
-        say!(
-            "finished   {run_count} in {:.1} s on {thread_count}",
-            started.elapsed().as_secs_f64()
-        );
+        print_finished(to_run, jobs(args), started);
     }
     print_failures(&failures);
     Ok(())
+}
+
+fn warn_of_damaged_files(to_run: &[PlannedRun<'_>], folder: &StudyFolder) {
+    for path in to_run.iter().filter_map(|run| damaged_file(run, folder)) {
+        note!("warning: {}: its run is repeated", damage_message(&path));
+    }
 }
 
 /// Prints how many runs of others were found, and what is wrong with their files.
@@ -560,8 +666,8 @@ fn interruption_error(study_name: &str) -> CliError {
 }
 
 /// Locks the directory of a study for this process alone if `is_exclusive`, otherwise together with
-/// other processes that each execute a single run.
-fn lock_folder(folder: &StudyFolder, is_exclusive: bool) -> Result<FileLock, CliError> {
+/// other processes that each execute some of its runs.
+pub(super) fn lock_folder(folder: &StudyFolder, is_exclusive: bool) -> Result<FileLock, CliError> {
     let path: &Path = folder.path();
     let lock = folder
         .lock(is_exclusive)

@@ -1,7 +1,8 @@
 //! Studies: repeated runs of several cells (settings), and the evaluation of claims about them.
 //!
 //! A study [`mod@file`] with its [`figure`]s is read into a [`plan`] of [`experiment`]s. The
-//! [`runner`] runs what is still missing, and the [`store`] keeps each result. Cells may also have results
+//! [`runner`] runs what is still missing, and the [`store`] keeps each result. On clusters, [`shard`]s divide the runs
+//! among processes, [`run_marks`] say who executes a run, and [`mod@merge`] unites the results. Cells may also have results
 //! that others made ([`external`]); [`run_source`] is the only place that distinguishes the two. [`comparison`] and
 //! [`claims`] evaluate the [`results`], [`cost`] says what they took, [`gate`] whether the task is one
 //! of exploration, and the [`report`] presents them. The unit of all
@@ -20,6 +21,7 @@ pub mod figure;
 pub mod file;
 pub mod gate;
 pub mod measure;
+pub mod merge;
 pub mod plan;
 pub mod power;
 pub mod provenance;
@@ -28,7 +30,9 @@ pub mod registration;
 pub mod report;
 pub mod result_file;
 pub mod results;
+pub mod run_marks;
 pub mod run_result;
 pub mod run_source;
 pub mod runner;
+pub mod shard;
 pub mod store;

@@ -120,6 +120,32 @@ impl StoredRun {
         };
         bytes(&self.outcome) == bytes(outcome)
     }
+
+    /// Whether another result of the same run is bit-identical. Visited states are compared for those
+    /// numbers of first episodes for which both have them.
+    #[must_use]
+    pub fn agrees_with(&self, other: &Self) -> bool {
+        let common = |stored: &Self, other: &Self| Self {
+            outcome: stored.outcome.clone().map(|mut run| {
+                run.states
+                    .retain(|states| other.has_windows(&[states.episodes]));
+                run
+            }),
+            ..stored.clone()
+        };
+        common(self, other).is_reproduced_by(&common(other, self).outcome)
+    }
+
+    /// Whether the result has the visited states for each of these numbers of first episodes. A run
+    /// that failed needs none.
+    #[must_use]
+    pub fn has_windows(&self, windows: &[u32]) -> bool {
+        let Ok(run) = &self.outcome else {
+            return true;
+        };
+        let has = |window: &u32| run.states.iter().any(|states| states.episodes == *window);
+        windows.iter().all(has)
+    }
 }
 
 /// Sorts curves with the given keys into the order of [`Curve::WITH_ROUND_VALUES`]. Curves whose

@@ -11,7 +11,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::experiment::{RunQueue, RunRequest};
 use super::plan::PlannedRun;
+use super::run_marks::RunMarks;
 use super::run_result::RunResult;
+use super::shard::COST_PER_MINUTE;
 use super::store::{StoreError, StudyFolder};
 
 /// A run that has ended.
@@ -37,8 +39,11 @@ pub fn run(
     on_finished: &(dyn Fn(&FinishedRun<'_>) + Sync),
 ) -> Result<(), StoreError> {
     let runs = runs.iter().map(|run| (run, run.windows().to_vec()));
-    measure_all(runs, jobs, interrupted, &|run, outcome| {
+    let marks = RunMarks::new();
+    let on_begun = |run: &PlannedRun<'_>| marks.begin(folder.mark_file(run));
+    measure_all(runs, jobs, interrupted, &on_begun, &|run, outcome| {
         let stored = folder.store(run, outcome)?;
+        marks.end(&folder.mark_file(run));
         on_finished(&FinishedRun {
             run,
             failure: stored.outcome.as_ref().err().map(String::as_str),
@@ -64,34 +69,39 @@ pub fn verify<'a>(
     let runs = runs
         .iter()
         .filter_map(|run| Some((run, stored_windows(run)?)));
-    let never: Result<(), Infallible> = measure_all(runs, jobs, interrupted, &|run, outcome| {
+    let on_begun = |_: &PlannedRun<'_>| {};
+    let compare = |run: &'a PlannedRun<'a>, outcome| {
         if let Some(stored) = folder.stored_run(run) {
             on_verified(run, stored.is_reproduced_by(&outcome));
         }
         Ok(())
-    });
+    };
+    let never: Result<(), Infallible> = measure_all(runs, jobs, interrupted, &on_begun, &compare);
     never.unwrap_or_else(|never| match never {});
 }
 
-/// Maximum cost of the runs that a thread measures together, in environment steps of a random agent:
-/// about a minute. An interruption loses all of them.
-const MAX_COST_TOGETHER: f64 = 3e7;
+/// Maximum cost of the runs that a thread measures together. An interruption loses all of them.
+const MAX_COST_TOGETHER: f64 = COST_PER_MINUTE;
 
 /// Result of a run, or why it failed.
 type Outcome = Result<RunResult, String>;
 
+/// What is done when a run begins.
+type OnBegun<'f> = &'f (dyn Fn(&PlannedRun<'_>) + Sync);
+
 /// What is done with the outcome of a run.
 type OnOutcome<'a, 'f, E> = &'f (dyn Fn(&'a PlannedRun<'a>, Outcome) -> Result<(), E> + Sync);
 
-/// Measures `runs`, each with its windows of episodes, on `jobs` threads, and calls `on_outcome` for
-/// each, until a call fails or `interrupted` is set. Returns the first error.
+/// Measures `runs`, each with its windows of episodes, on `jobs` threads, and calls `on_begun` and
+/// `on_outcome` for each, until a call fails or `interrupted` is set. Returns the first error.
 fn measure_all<'a, E: Send>(
     runs: impl Iterator<Item = (&'a PlannedRun<'a>, Vec<u32>)>,
     jobs: usize,
     interrupted: &AtomicBool,
+    on_begun: OnBegun<'_>,
     on_outcome: OnOutcome<'a, '_, E>,
 ) -> Result<(), E> {
-    let queue = SharedQueue::new(runs);
+    let queue = SharedQueue::new(runs, on_begun);
     let jobs = jobs.clamp(1, queue.length().max(1));
     std::thread::scope(|scope| {
         for _ in 0..jobs {
@@ -105,20 +115,25 @@ fn measure_all<'a, E: Send>(
 }
 
 /// The runs that no thread has taken yet, the longest first.
-struct SharedQueue<'a, E> {
+struct SharedQueue<'a, 'f, E> {
+    on_begun: OnBegun<'f>,
     waiting: Mutex<VecDeque<(&'a PlannedRun<'a>, Vec<u32>)>>,
     /// The first error of a call of `on_outcome`, after which no further runs are taken.
     first_error: Mutex<Option<E>>,
 }
 
-impl<'a, E: Send> SharedQueue<'a, E> {
-    fn new(runs: impl Iterator<Item = (&'a PlannedRun<'a>, Vec<u32>)>) -> Self {
+impl<'a, 'f, E: Send> SharedQueue<'a, 'f, E> {
+    fn new(
+        runs: impl Iterator<Item = (&'a PlannedRun<'a>, Vec<u32>)>,
+        on_begun: OnBegun<'f>,
+    ) -> Self {
         let mut waiting: Vec<_> = runs.collect();
         waiting.sort_by(|(a, _), (b, _)| {
             let (a, b) = (a.cell.source.cost(), b.cell.source.cost());
             b.total_cmp(&a)
         });
         Self {
+            on_begun,
             waiting: Mutex::new(waiting.into()),
             first_error: Mutex::new(None),
         }
@@ -178,7 +193,7 @@ impl<'a, E: Send> SharedQueue<'a, E> {
 
 /// The runs of one cell that one thread takes.
 struct CellQueue<'a, 'q, E> {
-    shared: &'q SharedQueue<'a, E>,
+    shared: &'q SharedQueue<'a, 'q, E>,
     on_outcome: OnOutcome<'a, 'q, E>,
     digest: &'a str,
     /// The run that was taken already.
@@ -190,6 +205,7 @@ impl<E: Send> RunQueue for CellQueue<'_, '_, E> {
     fn next(&mut self) -> Option<RunRequest> {
         let taken = self.first.take();
         let (run, windows) = taken.or_else(|| self.shared.take(Some(self.digest)))?;
+        (self.shared.on_begun)(run);
         let request = RunRequest {
             index: run.index,
             run_seed: run.run_seed,

@@ -13,6 +13,7 @@ use super::file::{Claim, Study};
 use super::plan::{PlannedRun, StudyPlan};
 use super::registration::Lock;
 pub use super::result_file::StoredRun;
+use super::run_marks::{self, RunMark};
 use super::run_result::RunResult;
 use crate::run::file_lock::FileLock;
 use crate::run::{checksums, files};
@@ -23,6 +24,23 @@ use seedbed_env::input;
 #[derive(Clone, Debug)]
 pub struct StudyFolder {
     path: PathBuf,
+}
+
+/// What is known of a run of a study.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RunState {
+    /// Its result is stored.
+    Finished,
+    /// It failed, and the reason is stored.
+    Failed,
+    /// A process executes it.
+    Running(RunMark),
+    /// A process began it, and stopped or ended before it was finished.
+    Interrupted(RunMark),
+    /// Its result file is damaged, was edited or has another layout.
+    Damaged,
+    /// It was not begun, or ended within its first second.
+    ToRun,
 }
 
 /// Description of a study for its report: `study.json`.
@@ -118,16 +136,8 @@ impl StudyFolder {
     pub fn find_run(&self, digest: &str, run_seed: u64, windows: &[u32]) -> Option<StoredRun> {
         let bytes = std::fs::read(self.result_file(digest, run_seed)).ok()?;
         let stored = StoredRun::from_bytes(&bytes)?;
-        let has_window = |run: &RunResult, window: u32| {
-            let mut states = run.states.iter();
-            states.any(|states| states.episodes == window)
-        };
-        let has_states = match &stored.outcome {
-            Ok(run) => windows.iter().all(|&window| has_window(run, window)),
-            Err(_) => true,
-        };
         let matches_request = stored.digest == digest && stored.run_seed == run_seed;
-        (matches_request && has_states).then_some(stored)
+        (matches_request && stored.has_windows(windows)).then_some(stored)
     }
 
     /// Stored result of a planned run. `None` if there is none, or if it lacks visited states that
@@ -156,6 +166,33 @@ impl StudyFolder {
     #[must_use]
     pub fn result_file(&self, digest: &str, run_seed: u64) -> PathBuf {
         self.runs_folder().join(format!("{digest}-{run_seed}.run"))
+    }
+
+    /// What is known of a run.
+    #[must_use]
+    pub fn state_of(&self, run: &PlannedRun<'_>) -> RunState {
+        let stored = self.stored_run(run).map(|stored| stored.outcome);
+        match (stored, run_marks::find(&self.mark_file(run))) {
+            (Some(Ok(_)), _) => RunState::Finished,
+            (_, Some((mark, true))) => RunState::Running(mark),
+            (Some(Err(_)), _) => RunState::Failed,
+            (None, Some((mark, false))) => RunState::Interrupted(mark),
+            (None, None) if self.damaged_file(&run.cell.digest, run.run_seed).is_some() => {
+                RunState::Damaged
+            }
+            (None, None) => RunState::ToRun,
+        }
+    }
+
+    /// Path of the mark of a run that a process executes.
+    pub(super) fn mark_file(&self, run: &PlannedRun<'_>) -> PathBuf {
+        let result = self.result_file(&run.cell.digest, run.run_seed);
+        result.with_extension(run_marks::EXTENSION)
+    }
+
+    /// Removes the marks that processes left which ended before their runs were finished.
+    pub fn remove_marks(&self) {
+        run_marks::remove_all(&self.runs_folder());
     }
 
     /// Whether there is a result file of the run, readable or not.
@@ -214,19 +251,36 @@ impl StudyFolder {
     /// # Panics
     /// Never: plain data always serializes.
     pub fn write_manifest(&self, plan: &StudyPlan) -> Result<(), StoreError> {
+        self.write_manifest_with(plan, &[])
+    }
+
+    /// As [`write_manifest`](Self::write_manifest), with the histories of other folders of the study.
+    pub(super) fn write_manifest_with(
+        &self,
+        plan: &StudyPlan,
+        others: &[StudyFolder],
+    ) -> Result<(), StoreError> {
         let path = self.manifest_file();
+        let mut manifest = self.new_manifest(plan)?;
+        for other in others {
+            manifest.add_history(other.new_manifest(plan)?);
+        }
+        let text = manifest.to_json();
+        if std::fs::read_to_string(&path).is_ok_and(|stored_text| stored_text == text) {
+            return Ok(());
+        }
+        replace_file(path, text.as_bytes())
+    }
+
+    /// The manifest of the study, with the history of this folder.
+    fn new_manifest(&self, plan: &StudyPlan) -> Result<Manifest, StoreError> {
         let previous = self.manifest_if_any()?;
         let manifest = Manifest {
             late_claims: self.late_claims(plan, previous.as_ref()),
             earlier_repeats: self.earlier_repeats(plan, previous.as_ref()),
             ..Manifest::of(plan)
         };
-        let manifest = manifest.with_history(previous.as_ref());
-        let text = manifest.to_json();
-        if std::fs::read_to_string(&path).is_ok_and(|stored_text| stored_text == text) {
-            return Ok(());
-        }
-        replace_file(path, text.as_bytes())
+        Ok(manifest.with_history(previous.as_ref()))
     }
 
     /// Late claims: late claims of the previous manifest, and new claims whose cells both have
@@ -488,6 +542,14 @@ impl Manifest {
         self
     }
 
+    /// Adds what happened in another folder of the same study.
+    fn add_history(&mut self, other: Self) {
+        add_new(&mut self.late_claims, other.late_claims);
+        add_new(&mut self.earlier_repeats, other.earlier_repeats);
+        add_new(&mut self.changed_results, other.changed_results);
+        add_new(&mut self.read_results, other.read_results);
+    }
+
     /// The runs of others.
     fn results_of_others(&self) -> Vec<ReadResult> {
         let runs_of = |cell: &ManifestCell| {
@@ -500,6 +562,15 @@ impl Manifest {
             runs.map(read).collect::<Vec<_>>()
         };
         self.cells.iter().flat_map(runs_of).collect()
+    }
+}
+
+/// Appends the items that are not yet in a list.
+fn add_new<T: PartialEq>(list: &mut Vec<T>, items: Vec<T>) {
+    for item in items {
+        if !list.contains(&item) {
+            list.push(item);
+        }
     }
 }
 

@@ -95,6 +95,11 @@ fn commands_of_the_page_on_learning_work() {
     run_commands("docs/learning_problems.md", 9);
 }
 
+#[test]
+fn commands_of_the_page_on_clusters_work() {
+    run_commands("docs/cluster.md", 7);
+}
+
 /// With `UPDATE_EXPECT=1` the page is rewritten.
 #[test]
 fn the_page_of_algorithms_is_current() {

@@ -397,13 +397,13 @@ fn results_are_stored_and_verified() {
     fixture.succeed(&[]);
     let listed = fixture.succeed(&["--list"]);
     assert!(
-        listed.contains("     1  finished  run sb3/ppo-1    SB3"),
+        listed.contains("     1  finished     run sb3/ppo-1    SB3"),
         "{listed}"
     );
     fixture.append("sb3/ppo-1/monitor.csv", "50.0,1,0.5\n");
     let listed = fixture.succeed(&["--list"]);
     assert!(
-        listed.contains("     1  to run    run sb3/ppo-1    SB3"),
+        listed.contains("     1  to run       run sb3/ppo-1    SB3"),
         "{listed}"
     );
     assert_eq!(listed.matches("finished").count(), 7);

@@ -4,6 +4,8 @@
 
 mod architecture;
 mod cli;
+#[cfg(unix)]
+mod cluster;
 mod damaged_files;
 mod determinism;
 #[cfg(unix)]

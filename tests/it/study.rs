@@ -14,7 +14,7 @@ use super::util::{
 
 /// A study of two agents and few episodes. It has three cells: the results of `σ 0` and `σ 9`
 /// differ, those of `σ 0 again` equal those of `σ 0`.
-fn study_text(repeats: u32, extra_fields: &str) -> String {
+pub(crate) fn study_text(repeats: u32, extra_fields: &str) -> String {
     let scenario = Path::new(REPOSITORY).join("scenarios/cartpole.ron");
     format!(
         r#"Study(
@@ -34,7 +34,7 @@ fn study_text(repeats: u32, extra_fields: &str) -> String {
 
 /// Writes a study file in a temporary directory. Returns the directory, the path of the study file,
 /// and a path for results.
-fn write_study(text: &str) -> (tempfile::TempDir, String, PathBuf) {
+pub(crate) fn write_study(text: &str) -> (tempfile::TempDir, String, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let study = folder.path().join("small.ron");
     fs::write(&study, text).unwrap();
@@ -45,7 +45,7 @@ fn write_study(text: &str) -> (tempfile::TempDir, String, PathBuf) {
     (folder, study, out)
 }
 
-fn run_study(study: &str, out: &Path, extra_arguments: &[&str]) -> Output {
+pub(crate) fn run_study(study: &str, out: &Path, extra_arguments: &[&str]) -> Output {
     seedbed(
         &[
             &["study", study, "--out", out.to_str().unwrap()],
@@ -59,19 +59,19 @@ fn run_study(study: &str, out: &Path, extra_arguments: &[&str]) -> Output {
 const CHECKSUM_BYTES: usize = 8;
 
 /// Replaces the contents of a result file, with a valid checksum.
-fn write_result_file(path: &Path, mut contents: Vec<u8>) {
+pub(crate) fn write_result_file(path: &Path, mut contents: Vec<u8>) {
     let checksum = xxhash_rust::xxh64::xxh64(&contents, 0);
     contents.extend(checksum.to_le_bytes());
     fs::write(path, contents).unwrap();
 }
 
 /// The contents of a result file without the checksum.
-fn contents(file: &[u8]) -> &[u8] {
+pub(crate) fn contents(file: &[u8]) -> &[u8] {
     &file[..file.len() - CHECKSUM_BYTES]
 }
 
 /// Contents of the result files of runs, by file name.
-fn stored_results(out: &Path) -> BTreeMap<String, Vec<u8>> {
+pub(crate) fn stored_results(out: &Path) -> BTreeMap<String, Vec<u8>> {
     let name_and_bytes = |path: PathBuf| {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         (name, fs::read(path).unwrap())
@@ -113,7 +113,7 @@ fn results_depend_neither_on_jobs_nor_on_processes() {
     let listed = stdout(&run_study(&study, &one_process_per_run, &["--list"]));
     assert_eq!(
         listed.lines().next(),
-        Some("     0  finished  run seed 1000    σ 0")
+        Some("     0  finished     run seed 1000    σ 0")
     );
     assert_eq!(listed.lines().count(), 6);
 }
@@ -203,7 +203,7 @@ fn verify_finds_runs_that_are_not_reproduced() {
 }
 
 /// Changes the sign of one value in the stored results of all runs with a run seed.
-fn change_stored_curves(out: &Path, run_seed: u64) {
+pub(crate) fn change_stored_curves(out: &Path, run_seed: u64) {
     let file_end = format!("-{run_seed}.run");
     for (name, bytes) in stored_results(out) {
         if name.ends_with(&file_end) {
