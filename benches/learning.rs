@@ -38,6 +38,10 @@ fn update(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("update");
     group.throughput(Throughput::Elements(u64::from(AGENTS) * STEPS as u64));
     group.bench_function("one agent of 16, a round of 16 × 200 steps", |bencher| {
+        let lengths: Vec<u32> = episodes
+            .iter()
+            .map(|episode| episode.length() as u32)
+            .collect();
         bencher.iter_custom(|iterations| {
             let update_duration = |_| {
                 learner
@@ -46,6 +50,7 @@ fn update(criterion: &mut Criterion) {
                 let start = Instant::now();
                 black_box(learner.update(&Experience {
                     new_episodes: &episodes,
+                    new_lengths: &lengths,
                     all_episodes: &episodes,
                     earlier_updates: 0,
                 }));

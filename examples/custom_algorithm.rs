@@ -119,6 +119,7 @@ fn final_return(agents: u32, run_seed: u64) -> Result<f64, Box<dyn Error>> {
     let context = TeamContext {
         run_seed,
         config: &config,
+        local_agents: None,
         spec,
         timing: LearningTiming::AfterEpisodes,
         record_advantages: false,

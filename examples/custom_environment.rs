@@ -108,6 +108,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let team = algorithm.config().build(&TeamContext {
         run_seed: 0,
         config: &TeamConfig::default(),
+        local_agents: None,
         spec: environment.spec(),
         timing: LearningTiming::AfterEpisodes,
         record_advantages: false,

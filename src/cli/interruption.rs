@@ -1,5 +1,5 @@
-//! Requests to stop: Ctrl-C and, on Unix, the signals TERM and HUP, which schedulers of clusters and
-//! closed terminals send.
+//! Requests to stop: Ctrl-C and, on Unix, the signals TERM, USR1 and HUP, which schedulers of clusters,
+//! `mpirun` and closed terminals send.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -15,6 +15,11 @@ static MESSAGE: Mutex<Option<&'static str>> = Mutex::new(None);
 pub(super) struct StopRequests;
 
 impl StopRequests {
+    /// Like [`listen`](Self::listen), for a process of several that does not print.
+    pub(super) fn listen_silently() -> Self {
+        Self::listen("")
+    }
+
     /// Listens for requests until this is dropped. The first request prints `message`.
     pub(super) fn listen(message: &'static str) -> Self {
         static HANDLER: OnceLock<()> = OnceLock::new();
@@ -58,18 +63,20 @@ fn on_request(exit_code: i32) {
         std::process::exit(exit_code);
     };
     IS_REQUESTED.store(true, Ordering::Relaxed);
-    note!("\n{message}; press Ctrl-C again to stop immediately");
+    if !message.is_empty() {
+        note!("\n{message}; press Ctrl-C again to stop immediately");
+    }
 }
 
 /// Calls [`on_request`] for each signal, on a thread of its own. A file that becomes larger than the
 /// system allows is an error of writing from now on, instead of the end of the process.
 #[cfg(unix)]
 fn handle_signals() -> std::io::Result<()> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGXFSZ};
     use std::sync::Arc;
 
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)))?;
-    let handled = [SIGINT, SIGTERM, SIGHUP].into_iter();
+    let handled = [SIGINT, SIGTERM, SIGUSR1, SIGHUP].into_iter();
     let handled = handled.filter(|signal| *signal != SIGHUP || !is_ignored(SIGHUP));
     let mut signals = signal_hook::iterator::Signals::new(handled)?;
     std::thread::Builder::new()

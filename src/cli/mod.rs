@@ -33,6 +33,7 @@ mod new;
 mod plot;
 mod preview;
 mod progress;
+mod ranks;
 mod replay;
 mod report;
 mod run;
@@ -219,6 +220,10 @@ struct RunArgs {
     /// Print nothing but errors and warnings
     #[arg(long, short)]
     quiet: bool,
+    /// Divide the run over the processes that `mpirun` or `srun` has started; results do not depend on
+    /// their number (docs/cluster.md)
+    #[arg(long)]
+    mpi: bool,
     /// Resume the interrupted run in the output directory
     #[arg(long, conflicts_with = "overwrite")]
     resume: bool,
@@ -510,9 +515,12 @@ enum CliError {
     /// Number of invalid files, each of which was reported already.
     #[error("{} invalid", pluralize(*.0, "file"))]
     InvalidFiles(usize),
-    /// The command failed or was interrupted while it ran.
+    /// The command failed while it ran.
     #[error("{0}")]
     Runtime(String),
+    /// The run was interrupted; its files are complete.
+    #[error("{0}")]
+    Interrupted(String),
 }
 
 /// Runs the command line of this process.
@@ -555,9 +563,15 @@ pub(crate) fn main() -> ExitCode {
     if !matches!(error, CliError::InvalidFiles(1)) {
         note!("error: {error}");
     }
-    match error {
-        CliError::Usage(_) | CliError::InvalidFiles(_) => ExitCode::from(2),
-        CliError::Runtime(_) => ExitCode::from(1),
+    ExitCode::from(error.exit_code())
+}
+
+impl CliError {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) | Self::InvalidFiles(_) => 2,
+            Self::Runtime(_) | Self::Interrupted(_) => 1,
+        }
     }
 }
 

@@ -1,40 +1,107 @@
 //! `seedbed run`.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::interruption::StopRequests;
 use super::memory;
 use super::progress::{AbortAfter, NoProgress, RunProgress};
-use super::{CliError, RunArgs, pluralize, warning_without_locks};
+use super::{CliError, RunArgs, pluralize, ranks, warning_without_locks};
 use seedbed::input_files::{self, Directory};
 use seedbed::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
 use seedbed::record::{Attempt, RecorderFactory};
 use seedbed::run::file_lock::FileLock;
 use seedbed::run::folder::{Contents, RunFolder};
+use seedbed::run::ranks::{Ranks, exchanged};
 use seedbed::run::{Observer, Options, RunError};
 use seedbed::study::experiment::{self, Experiment, RunEnding, RunReport};
 use seedbed::text::shell_word;
 
 pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
+    if args.mpi {
+        return ranks::with_ranks(|ranks| {
+            if ranks.is_first() {
+                run_and_record(args, ranks)
+            } else {
+                follow(args, ranks)
+            }
+        });
+    }
+    ranks::check_is_single()?;
+    run_and_record(args, Ranks::SINGLE)
+}
+
+/// Plays and learns for the agents of a rank that does not record.
+fn follow(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
+    let (experiment, folder) = ranks.agree(load(args, ranks))?;
+    let options = options(args, folder, ranks);
+    let stop_requests = StopRequests::listen_silently();
+    let interrupted = stop_requests.flag();
+    experiment.run_in_folder(&options, None, &mut NoProgress, interrupted)?;
+    Ok(())
+}
+
+/// Reads the scenario, and checks what can be checked without touching the run's directory.
+fn load(args: &RunArgs, ranks: Ranks) -> Result<(Arc<dyn Experiment>, RunFolder), CliError> {
     let mut overrides = args.overrides.clone();
     overrides.extend(args.seed.map(|seed| format!("seed={seed}")));
     let path = input_files::find_argument(&args.scenario, &[Directory::Scenarios])?;
+    check_can_be_divided(args, None, ranks)?;
     let experiment = experiment::load(&path, &overrides)?;
+    check_can_be_divided(args, Some(&*experiment), ranks)?;
     let folder = args.out.clone();
     let folder = RunFolder::new(folder.unwrap_or_else(|| experiment.default_folder()));
     check_save_initial(args, &*experiment)?;
     if !args.ignore_memory {
-        memory::check("this run", experiment.memory())?;
+        memory::check("this run", experiment.memory() / u64::from(ranks.count()))?;
     }
-    let live = live_target(args, &*experiment)?;
-    let lock = prepare_output_folder(args, &folder)?;
-    let options = Options {
+    Ok((experiment, folder))
+}
+
+/// An error if the run cannot be divided over the ranks. `experiment`: `None` before it is read
+fn check_can_be_divided(
+    args: &RunArgs,
+    experiment: Option<&dyn Experiment>,
+    ranks: Ranks,
+) -> Result<(), CliError> {
+    if ranks.is_single() {
+        return Ok(());
+    }
+    let obstacle = match experiment {
+        None => input_files::is_stream(&args.scenario).then(|| {
+            "only one process can read it; expected a file that all processes can read".to_owned()
+        }),
+        Some(experiment) => experiment.ranks_obstacle(ranks),
+    };
+    obstacle.map_or(Ok(()), |obstacle| {
+        let scenario = args.scenario.display();
+        Err(CliError::Usage(format!(
+            "cannot divide {scenario} over {} ranks: {obstacle}",
+            ranks.count()
+        )))
+    })
+}
+
+fn options(args: &RunArgs, folder: RunFolder, ranks: Ranks) -> Options {
+    Options {
         folder,
         resume: args.resume,
         threads: args.threads.map_or(0, usize::from),
         save_initial: args.save_initial,
-    };
+        ranks,
+    }
+}
+
+/// What rank 0 does, or the only process.
+fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
+    let prepared = load(args, ranks).and_then(|(experiment, folder)| {
+        let live = live_target(args, &*experiment)?;
+        let lock = prepare_output_folder(args, &folder)?;
+        Ok((experiment, folder, live, lock))
+    });
+    let (experiment, folder, live, lock) = ranks.agree(prepared)?;
+    let options = options(args, folder, ranks);
     if let (Some(LiveTarget::Serve(server)), false) = (&live, args.quiet) {
         say!(
             "serving    {0}; connect a viewer with: rerun --connect {0}",
@@ -55,6 +122,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
             args,
             &options.folder,
         )),
+        RunEnding::Elsewhere => Ok(()),
         RunEnding::Finished(report) => {
             lock.remove().map_err(|error| {
                 CliError::Runtime(format!("the run is finished, but seedbed {error}"))
@@ -146,7 +214,7 @@ fn interruption_error(
     args: &RunArgs,
     folder: &RunFolder,
 ) -> CliError {
-    CliError::Runtime(if can_resume {
+    CliError::Interrupted(if can_resume {
         let command = resume_command(args, folder);
         format!("interrupted after {after}; resume with\n  {command}")
     } else {
@@ -283,6 +351,9 @@ fn print_report(
     for (label, text) in &report.lines {
         say!("{label:<10} {text}");
     }
+    if !options.ranks.is_single() {
+        print_exchanged(options.ranks, seconds);
+    }
     let path = options.folder.recording_file();
     if path.is_file() {
         say!(
@@ -294,6 +365,18 @@ fn print_report(
     } else if let Some(obstacle) = recording_obstacle(args, experiment) {
         say!("recording  none: {obstacle}");
     }
+}
+
+/// What the exchange between ranks has cost.
+fn print_exchanged(ranks: Ranks, seconds: f64) {
+    let exchanged = exchanged();
+    say!(
+        "exchange   {} ranks: rank 0 received {} and spent {:.0} % of the time in MPI, waiting for others \
+         included",
+        ranks.count(),
+        indicatif::HumanBytes(exchanged.bytes),
+        100.0 * exchanged.seconds / seconds
+    );
 }
 
 /// Why a run that the user wants to record is not recorded; `None` if it is recorded, or if the

@@ -4,8 +4,10 @@
 //! [`execute`] is the loop. A [`trainer`] holds environment, team and shared buffer; [`rollout`]
 //! plays the episodes of a round, `asynchronous` those without a common start and end;
 //! [`shared_world`] plays several runs in the copies of one environment; [`measures`]
-//! computes coverage and returns; `round_recorder` passes rounds to the recorders; [`checkpoint`] and [`folder`] store a run, and [`review`] reads
-//! its results. Must not contain formulas of learning.
+//! computes coverage and returns; `round_recorder` passes rounds to the recorders; [`checkpoint`] and
+//! [`folder`] store a run, and [`review`] reads its results. [`ranks`] are the processes over which a
+//! run may be divided; `shared_episodes` and `remote_steps` are what they exchange. Must not contain
+//! formulas of learning.
 
 mod agreement;
 mod asynchronous;
@@ -21,12 +23,15 @@ pub mod measures;
 pub mod memory;
 pub mod overview;
 pub mod preview;
+pub mod ranks;
+mod remote_steps;
 pub mod replay;
 mod replay_file;
 pub mod review;
 pub mod rollout;
 mod round_recorder;
 mod sealed;
+mod shared_episodes;
 pub mod shared_world;
 pub mod summary;
 pub mod trainer;
@@ -40,15 +45,19 @@ use self::checkpoint::{Checkpoint, CheckpointError, CheckpointWriter};
 use self::checkpoint_schedule::CheckpointSchedule;
 use self::checksums::{Checksums, DamagedFile, NewChecksums};
 use self::folder::RunFolder;
+use self::ranks::Ranks;
 use self::round_recorder::{CheckpointKind, Recorders, RoundRecorder};
 use self::summary::{FINAL_WINDOW, Summary};
 use self::trainer::{Diverged, Trainer};
+use serde::{Deserialize, Serialize};
+
 use crate::input_files;
 use crate::record::{Focus, RecordError, RecorderFactory, RunInfo};
 use crate::scenario::{self, Scenario};
 use crate::text::file_stem;
 use seedbed_env::TaskDescription;
 use seedbed_env::input::{self, Document, InputError};
+use seedbed_learn::agent::Tensor;
 
 /// A scenario and its task, read and checked: all that determines the results of a run.
 #[derive(Clone, Debug)]
@@ -75,6 +84,8 @@ pub struct Options {
     /// Whether the file of the networks also has the agent seeds: reward seeds and initial
     /// parameters.
     pub save_initial: bool,
+    /// The processes over which the run is divided.
+    pub ranks: Ranks,
 }
 
 /// The number of threads that a setting stands for: 0 is the number of cores.
@@ -124,6 +135,8 @@ pub enum RunOutcome {
         /// Number of finished rounds.
         rounds: u32,
     },
+    /// The run ended; rank 0 knows how.
+    Elsewhere,
 }
 
 /// Why a run failed.
@@ -210,9 +223,12 @@ fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result
 /// are ignored. If a recorder has no factory, the run goes on without it, and what it
 /// recorded is kept in another file.
 ///
+/// If the run is divided over ranks, rank 0 records, and the others only play and learn.
+///
 /// # Errors
 /// A file could not be read or written, or a number is not finite. Files that were written before
-/// the error can still be read.
+/// the error can still be read. If the run is divided over ranks, the others wait until this process
+/// ends them.
 pub fn execute(
     plan: &Plan,
     options: &Options,
@@ -220,13 +236,11 @@ pub fn execute(
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<RunOutcome, RunError> {
-    let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, options.threads)?;
-    let (recorders, mut checkpoints) = if options.resume {
-        resume_run(plan, options, recorder_factories, &mut trainer, observer)?
-    } else {
-        let recorders = create_recorders(plan, options, recorder_factories, &trainer)?;
-        (recorders, CheckpointWriter::new(options.folder.path()))
-    };
+    if !options.ranks.is_first() {
+        return follow(plan, options, interrupted);
+    }
+    let begun = begin(plan, options, recorder_factories, observer);
+    let (mut trainer, recorders, mut checkpoints) = options.ranks.agree(begun)?;
     let mut recorder = RoundRecorder::new(recorders, trainer.agent_count(), options.threads);
     let mut checkpoint_schedule = CheckpointSchedule::of(&plan.scenario);
     observer.begun(&progress(plan, &trainer));
@@ -235,8 +249,16 @@ pub fn execute(
         recorder.record(trainer.rounds() - 1, &trainer.newest_episodes(), round)?;
         report_warnings(&mut recorder, observer);
         observer.round_finished(&progress(plan, &trainer));
-        let is_interrupted = interrupted.load(Ordering::Relaxed) && !trainer.is_done();
-        if is_interrupted || checkpoint_schedule.is_due(trainer.rounds(), Instant::now()) {
+        let is_interrupted = any_interrupted(options, interrupted) && !trainer.is_done();
+        let is_due = checkpoint_schedule.is_due(trainer.rounds(), Instant::now());
+        let AfterRound {
+            is_saved,
+            is_interrupted,
+        } = options.ranks.broadcast(AfterRound {
+            is_saved: is_interrupted || is_due,
+            is_interrupted,
+        });
+        if is_saved {
             let start = Instant::now();
             let kind = if is_interrupted {
                 CheckpointKind::AtEnd
@@ -261,6 +283,75 @@ pub fn execute(
     let ending = checkpoint.and_then(|()| finish(plan, options, &trainer, &mut recorder));
     report_warnings(&mut recorder, observer);
     ending
+}
+
+/// What rank 0 decides after a round.
+#[derive(Clone, Copy, Default, Serialize, Deserialize)]
+struct AfterRound {
+    is_saved: bool,
+    is_interrupted: bool,
+}
+
+/// Plays and learns for the agents of a rank that does not record.
+fn follow(
+    plan: &Plan,
+    options: &Options,
+    interrupted: &AtomicBool,
+) -> Result<RunOutcome, RunError> {
+    let mut trainer = options.ranks.agree(begin_to_follow(plan, options))?;
+    while !trainer.is_done() {
+        trainer.advance()?;
+        any_interrupted(options, interrupted);
+        let after = options.ranks.broadcast(AfterRound::default());
+        if after.is_saved {
+            let _own_part = trainer.save();
+        }
+        if after.is_interrupted {
+            return Ok(RunOutcome::Elsewhere);
+        }
+    }
+    let _own_part = trainer.save();
+    let _own_part = gather_tensors(options, &trainer);
+    Ok(RunOutcome::Elsewhere)
+}
+
+fn begin_to_follow(plan: &Plan, options: &Options) -> Result<Trainer, RunError> {
+    let mut trainer = build_trainer(plan, options)?;
+    if options.resume {
+        let folder = options.folder.path();
+        Checkpoint::read(folder)?.restore(folder, &mut trainer)?;
+    }
+    Ok(trainer)
+}
+
+/// Whether any rank was asked to stop.
+fn any_interrupted(options: &Options, interrupted: &AtomicBool) -> bool {
+    let interrupted = options
+        .ranks
+        .all_gather(interrupted.load(Ordering::Relaxed));
+    interrupted.contains(&true)
+}
+
+fn build_trainer(plan: &Plan, options: &Options) -> Result<Trainer, InputError> {
+    let Options { threads, ranks, .. } = options;
+    Trainer::on_ranks(&plan.scenario, &plan.description, *threads, *ranks)
+}
+
+/// The trainer, the recorders and the writer of checkpoints of a new run or a run to resume.
+fn begin(
+    plan: &Plan,
+    options: &Options,
+    recorder_factories: RecorderFactories,
+    observer: &mut dyn Observer,
+) -> Result<(Trainer, Recorders, CheckpointWriter), RunError> {
+    let mut trainer = build_trainer(plan, options)?;
+    let (recorders, checkpoints) = if options.resume {
+        resume_run(plan, options, recorder_factories, &mut trainer, observer)?
+    } else {
+        let recorders = create_recorders(plan, options, recorder_factories, &trainer)?;
+        (recorders, CheckpointWriter::new(options.folder.path()))
+    };
+    Ok((trainer, recorders, checkpoints))
 }
 
 fn report_warnings(recorder: &mut RoundRecorder, observer: &mut dyn Observer) {
@@ -469,12 +560,18 @@ pub(crate) fn write_checksums_of_results(
 
 fn write_policies(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<(), RunError> {
     let path = options.folder.policies_file();
+    let tensors = gather_tensors(options, trainer);
+    weights::write(&path, &tensors, &weights::metadata(plan, trainer.spec()))
+        .map_err(|error| RunError::File { path, error })
+}
+
+/// The tensors that are saved at the end of a run.
+fn gather_tensors<'a>(options: &Options, trainer: &'a Trainer) -> Vec<Tensor<'a>> {
     let mut tensors = trainer.tensors();
     if options.save_initial {
         tensors.extend(trainer.initial_tensors());
     }
-    weights::write(&path, &tensors, &weights::metadata(plan, trainer.spec()))
-        .map_err(|error| RunError::File { path, error })
+    tensors
 }
 
 fn replace_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {

@@ -8,6 +8,8 @@
 use std::ops::Range;
 
 use super::episode_slots::EpisodeSlots;
+use super::ranks::Ranks;
+use super::remote_steps::{PlayedSteps, RemoteRounds};
 use crate::record::{BodyTrajectory, SceneSettings};
 use seedbed_env::Environment;
 use seedbed_learn::experience::Episode;
@@ -42,49 +44,87 @@ pub(super) struct CopyGroup {
     pub(super) environment: Box<dyn Environment>,
 }
 
-/// Plays one round. A copy that has played its episodes waits for the others. With `learning`, the
-/// team gets transitions if it learns from them, and may learn between steps.
+/// Plays one round of the local agents. A copy that has played its episodes waits for the others.
 pub(super) fn play(
     groups: &mut [CopyGroup],
     team: &mut dyn Team,
     plan: &RoundPlan<'_>,
-    learning: bool,
     workers: Workers<'_>,
 ) -> PlayedEpisodes {
     team.begin_round(plan.round);
-    let mut playing: Vec<PlayingGroup<'_>> = groups
-        .iter_mut()
-        .map(|group| PlayingGroup::new(group, plan))
-        .collect();
-    while playing.iter().any(|group| !group.round.is_over()) {
-        let interval = team.transition_interval().filter(|_| learning);
-        let reader: &dyn Team = team;
-        workers.for_each(&mut playing, |group| group.play(reader, interval));
-        if interval.is_some() {
-            let mut rounds: Vec<_> = playing.iter_mut().map(|group| &mut group.round).collect();
-            report_transitions(&mut rounds, team, workers);
-        }
-    }
+    let mut playing = begin_groups(groups, plan);
+    workers.for_each(&mut playing, |group| group.play(team, None));
     collect_episodes(playing.into_iter().map(|group| group.round))
 }
 
+/// Plays one round for a team that learns from transitions, possibly between steps. Returns the
+/// episodes of all agents, and the bodies that were recorded for local agents.
+pub(super) fn play_and_report(
+    groups: &mut [CopyGroup],
+    team: &mut dyn Team,
+    plan: &RoundPlan<'_>,
+    workers: Workers<'_>,
+    ranks: Ranks,
+) -> PlayedEpisodes {
+    team.begin_round(plan.round);
+    let mut playing = begin_groups(groups, plan);
+    let mut remote = RemoteRounds::new(ranks);
+    let mut is_over = false;
+    while !is_over {
+        let (reader, interval): (&dyn Team, _) = (team, team.transition_interval());
+        workers.for_each(&mut playing, |group| group.play(reader, interval));
+        let mut rounds: Vec<_> = playing.iter_mut().map(|group| &mut group.round).collect();
+        is_over = report_transitions(&mut rounds, &mut remote, team, workers);
+    }
+    let local = collect_episodes(playing.into_iter().map(|group| group.round));
+    PlayedEpisodes {
+        episodes: remote.with_local(local.episodes),
+        ..local
+    }
+}
+
+fn begin_groups<'a>(groups: &'a mut [CopyGroup], plan: &RoundPlan<'a>) -> Vec<PlayingGroup<'a>> {
+    let groups = groups.iter_mut();
+    groups.map(|group| PlayingGroup::new(group, plan)).collect()
+}
+
 /// Passes the transitions that were played since the last call to the team, in the order of steps
-/// and agents.
+/// and agents. Returns whether all agents have played their episodes.
 pub(super) fn report_transitions(
     rounds: &mut [&mut GroupRound<'_>],
+    remote: &mut RemoteRounds,
     team: &mut dyn Team,
     workers: Workers<'_>,
-) {
-    let steps = rounds.iter().map(|round| round.unreported_steps).max();
-    for _ in 0..steps.unwrap_or(0) {
+) -> bool {
+    let exchanged = remote.exchange(played_steps(rounds, remote));
+    for _ in 0..exchanged.steps {
+        remote.report_step_before(team);
         for round in &mut *rounds {
             round.report_step(team);
         }
+        remote.report_step_after(team);
         team.end_step(workers);
     }
     for round in rounds {
         round.unreported_steps = 0;
     }
+    exchanged.is_over
+}
+
+/// What local agents have played since the last call of [`report_transitions`]. Without other ranks,
+/// nobody needs its parts.
+fn played_steps(rounds: &[&mut GroupRound<'_>], remote: &RemoteRounds) -> PlayedSteps {
+    let steps = rounds.iter().map(|round| round.unreported_steps).max();
+    let is_over = rounds.iter().all(|round| round.is_over());
+    let mut played = PlayedSteps::new(steps.unwrap_or(0), is_over);
+    if !remote.is_empty() {
+        for round in rounds {
+            for (agent, slot) in round.agents.iter().zip(&round.slots.slots) {
+                played.add_agent(agent, slot.playing.as_ref());
+            }
+        }
+    }
+    played
 }
 
 /// The episodes of rounds that are over, in the order of the groups.
@@ -143,11 +183,33 @@ pub(super) struct GroupRound<'a> {
 
 /// The round of one agent.
 #[derive(Default)]
-struct AgentRound {
+pub(super) struct AgentRound {
     /// The episodes that have ended.
-    finished: Vec<Episode>,
+    pub(super) finished: Vec<Episode>,
     /// The next transition for the team: index of its episode in this round, and its step.
-    unreported: (usize, usize),
+    pub(super) unreported: (usize, usize),
+}
+
+impl AgentRound {
+    /// Passes the next transition to the team, if there is one. `playing`: the episode that has not
+    /// ended
+    pub(super) fn report_step(&mut self, playing: Option<&Episode>, team: &mut dyn Team) {
+        let (index, step) = self.unreported;
+        let finished = self.finished.get(index);
+        let Some(episode) = finished.or(playing) else {
+            return;
+        };
+        if step == episode.length() {
+            return;
+        }
+        team.add_transition(episode, step);
+        let is_complete = finished.is_some() && step + 1 == episode.length();
+        self.unreported = if is_complete {
+            (index + 1, 0)
+        } else {
+            (index, step + 1)
+        };
+    }
 }
 
 impl<'a> GroupRound<'a> {
@@ -218,21 +280,7 @@ impl<'a> GroupRound<'a> {
     /// Passes the next transition of each agent that has one to the team.
     fn report_step(&mut self, team: &mut dyn Team) {
         for (agent, slot) in self.agents.iter_mut().zip(&self.slots.slots) {
-            let (index, step) = agent.unreported;
-            let finished = agent.finished.get(index);
-            let Some(episode) = finished.or(slot.playing.as_ref()) else {
-                continue;
-            };
-            if step == episode.length() {
-                continue;
-            }
-            team.add_transition(episode, step);
-            let is_complete = finished.is_some() && step + 1 == episode.length();
-            agent.unreported = if is_complete {
-                (index + 1, 0)
-            } else {
-                (index, step + 1)
-            };
+            agent.report_step(slot.playing.as_ref(), team);
         }
     }
 }

@@ -9,7 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::agreement;
 use super::asynchronous::{AsyncConfig, AsyncRollout};
 use super::measures::{Measures, RoundRows};
+use super::ranks::Ranks;
+use super::remote_steps::RemoteRounds;
 use super::rollout::{self, CopyGroup, GroupRound, PlayedEpisodes, RoundPlan};
+use super::shared_episodes::{self, SharedEpisodes};
 use super::thread_count;
 use crate::record::{BodyTrajectory, SceneSettings};
 use crate::scenario::{Scenario, Schedule, StepsOf, Stop, Threshold};
@@ -20,10 +23,15 @@ use seedbed_learn::agent::{Tensor, UpdateReport};
 use seedbed_learn::experience::replay::Replay;
 use seedbed_learn::experience::{Episode, SharedBuffer, StepData};
 use seedbed_learn::team::{
-    AgentUpdate, Learner, LearningRequest, LearningTiming, Team, TeamContext, Workers,
+    AgentUpdate, Learner, LearningRequest, LearningTiming, SavedTeam, Team, TeamContext, Workers,
 };
 
 /// The environments, team, shared buffer and measures of a run.
+///
+/// If the run is divided over [`Ranks`], each rank has a trainer with the environments of its local
+/// agents. All ranks must call the same of its functions in the same order, as long as they advance,
+/// save or read tensors. Rank 0 has the measures, and gets the rows and the saved state of the whole
+/// team; others get parts of them.
 pub struct Trainer {
     settings: TrainingSettings,
     spec: TaskSpec,
@@ -39,6 +47,7 @@ pub struct Trainer {
     rollout: Option<AsyncRollout>,
     measures: Measures,
     round: u32,
+    is_done: bool,
     /// `None` with a single thread: a pool of one thread would only pass work back and forth, and a
     /// caller that waits for it could start other work meanwhile.
     pool: Option<ThreadPool>,
@@ -61,6 +70,8 @@ pub struct TrainingSettings {
     pub has_intrinsic_rewards: bool,
     /// Number of threads for updates; 0 is the number of cores. Results do not depend on it.
     pub threads: usize,
+    /// The processes over which the run is divided. Results do not depend on their number.
+    pub ranks: Ranks,
 }
 
 impl Default for TrainingSettings {
@@ -73,12 +84,13 @@ impl Default for TrainingSettings {
             transitions_kept: 0,
             has_intrinsic_rewards: false,
             threads: 1,
+            ranks: Ranks::SINGLE,
         }
     }
 }
 
 /// The result of a round.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Round {
     /// The rows that the round adds to the tables.
     pub rows: RoundRows,
@@ -96,7 +108,7 @@ struct Saved<B, R, M> {
     round: u32,
     /// State of each copy.
     copies: Vec<Vec<u8>>,
-    team: Vec<u8>,
+    team: SavedTeam,
     buffer: B,
     recorded: u64,
     rollout: R,
@@ -130,10 +142,10 @@ pub enum Diverged {
 }
 
 impl Trainer {
-    /// A team that has not learned yet, one agent per copy of the environment.
+    /// A team that has not learned yet, one local agent per copy of the environment.
     ///
     /// # Panics
-    /// If there are not as many copies as agents, or if the system refuses to start threads.
+    /// If there are not as many copies as local agents, or if the system refuses to start threads.
     #[must_use]
     pub fn new(
         environment: Box<dyn Environment>,
@@ -148,7 +160,7 @@ impl Trainer {
     /// copy do not depend on the copies beside it.
     ///
     /// # Panics
-    /// If there are not as many copies as agents, if there are several groups although the schedule
+    /// If there are not as many copies as local agents, if there are several groups although the schedule
     /// is asynchronous, or if the system refuses to start threads.
     #[must_use]
     pub fn with_groups(
@@ -156,12 +168,12 @@ impl Trainer {
         team: Box<dyn Team>,
         settings: TrainingSettings,
     ) -> Self {
-        let agents = team.agent_count();
+        let local_agents = settings.ranks.local_agents(team.agent_count() as u32);
         let copies: usize = environments.iter().map(|group| group.copies()).sum();
-        assert_eq!(copies, agents, "an environment has one copy per agent");
+        assert_eq!(copies, local_agents.len(), "each agent has one copy");
         let (spec, scene) = (environments[0].spec(), environments[0].scene());
         let without_copies = Self::without_copies(spec.clone(), scene.cloned(), team, settings);
-        let groups = number_agents(environments);
+        let groups = number_agents(environments, local_agents.start);
         let schedule = without_copies.settings.schedule;
         let is_asynchronous = matches!(schedule, Schedule::Asynchronous { .. });
         assert!(
@@ -183,7 +195,7 @@ impl Trainer {
     ) -> Self {
         let agents = team.agent_count();
         let (threads, needs_pool) = (settings.threads, settings.threads != 1 && agents > 1);
-        Self {
+        let mut trainer = Self {
             measures: Measures::new(&spec, agents),
             spec,
             scene,
@@ -193,9 +205,12 @@ impl Trainer {
             groups: Vec::new(),
             team,
             round: 0,
+            is_done: false,
             pool: needs_pool.then(|| thread_pool(threads)),
             settings,
-        }
+        };
+        trainer.is_done = trainer.measures_say_done();
+        trainer
     }
 
     /// The team and the environment that a scenario describes. A task that is drawn per run is drawn
@@ -208,13 +223,30 @@ impl Trainer {
         description: &TaskDescription,
         threads: usize,
     ) -> Result<Self, InputError> {
+        Self::on_ranks(scenario, description, threads, Ranks::SINGLE)
+    }
+
+    /// Like [`from_scenario`](Self::from_scenario), with the part of the team that belongs to this
+    /// rank.
+    ///
+    /// # Errors
+    /// The task cannot be built as the scenario asks.
+    pub fn on_ranks(
+        scenario: &Scenario,
+        description: &TaskDescription,
+        threads: usize,
+        ranks: Ranks,
+    ) -> Result<Self, InputError> {
         let description = description.for_run(scenario.seed);
-        let environments = group_sizes(&description, scenario, threads)
+        let environments = group_sizes(&description, scenario, threads, ranks)
             .into_iter()
             .map(|copies| build(&description, scenario.physics, copies))
             .collect::<Result<Vec<_>, _>>()?;
-        let team = build_team(scenario, description.spec());
-        let settings = training_settings(scenario, threads);
+        let team = build_team(scenario, description.spec(), ranks);
+        let settings = TrainingSettings {
+            ranks,
+            ..training_settings(scenario, threads)
+        };
         Ok(Self::with_groups(environments, team, settings))
     }
 
@@ -225,7 +257,8 @@ impl Trainer {
             scene: None,
             ..training_settings(scenario, 1)
         };
-        Self::without_copies(spec.clone(), None, build_team(scenario, spec), settings)
+        let team = build_team(scenario, spec, Ranks::SINGLE);
+        Self::without_copies(spec.clone(), None, team, settings)
     }
 
     /// Plays a round of concurrent episodes, lets every agent learn from all of them, and measures
@@ -275,8 +308,9 @@ impl Trainer {
         round.observe(environment, interval.is_some());
         let is_due = |interval| round.unreported_steps() >= interval || round.is_over();
         if interval.is_some_and(is_due) {
-            let workers = Workers::new(self.pool.as_ref());
-            rollout::report_transitions(&mut [round], &mut *self.team, workers);
+            let (workers, team) = (Workers::new(self.pool.as_ref()), &mut *self.team);
+            let mut remote = RemoteRounds::new(Ranks::SINGLE);
+            rollout::report_transitions(&mut [round], &mut remote, team, workers);
         }
     }
 
@@ -285,8 +319,9 @@ impl Trainer {
     /// # Errors
     /// An observation, a reward or a network's parameters are not finite.
     pub(super) fn finish_round(&mut self, round: GroupRound<'_>) -> Result<Round, Diverged> {
-        let (updates, bodies) = self.learn_from(rollout::collect_episodes([round]))?;
-        Ok(self.measure_round(updates, bodies))
+        let played = rollout::collect_episodes([round]);
+        let updates = self.learn_from(played.episodes.into())?;
+        Ok(self.measure_round(updates, played.body_trajectories))
     }
 
     /// The team, which acts in a shared world.
@@ -306,6 +341,9 @@ impl Trainer {
         body_trajectories: Vec<BodyTrajectory>,
     ) -> Round {
         let bonus_agreement = self.bonus_agreement().map(|agreement| agreement as f32);
+        if !self.ranks().is_first() {
+            return self.end_round(Round::default());
+        }
         let (mut reports, mut step_data) = (Vec::new(), Vec::new());
         for AgentUpdate { agent, update, .. } in updates {
             let report = UpdateReport {
@@ -320,12 +358,18 @@ impl Trainer {
         let rows = self
             .measures
             .add_round(&self.spec, self.round, &episodes, &reports);
-        self.round += 1;
-        Round {
+        self.end_round(Round {
             rows,
             step_data,
             body_trajectories,
-        }
+        })
+    }
+
+    /// Counts a round, and lets all ranks know whether it was the last one.
+    fn end_round(&mut self, round: Round) -> Round {
+        self.round += 1;
+        self.is_done = self.ranks().broadcast(self.measures_say_done());
+        round
     }
 
     /// Number of the team's first episodes that are not needed any more: all agents have learned
@@ -349,19 +393,64 @@ impl Trainer {
             episodes: episodes_per_round(self.settings.schedule),
             scene: self.settings.scene.as_ref(),
         };
-        let workers = Workers::new(self.pool.as_ref());
-        let played = rollout::play(&mut self.groups, &mut *self.team, &plan, true, workers);
-        self.learn_from(played)
+        let (workers, ranks) = (Workers::new(self.pool.as_ref()), self.settings.ranks);
+        let (groups, team) = (&mut self.groups, &mut *self.team);
+        let (episodes, bodies) = if team.transition_interval().is_some() {
+            let played = rollout::play_and_report(groups, team, &plan, workers, ranks);
+            (played.episodes.into(), played.body_trajectories)
+        } else {
+            let played = rollout::play(groups, team, &plan, workers);
+            let needs_first = self.settings.has_intrinsic_rewards;
+            let shared =
+                shared_episodes::share(played.episodes, team, self.round, needs_first, ranks);
+            (shared, played.body_trajectories)
+        };
+        let updates = self.learn_from(episodes)?;
+        Ok((updates, ranks.gather_lists(bodies)))
     }
 
     /// All agents learn from the episodes of a round.
-    fn learn_from(&mut self, played: PlayedEpisodes) -> Result<UpdatesAndBodies, Diverged> {
+    fn learn_from(&mut self, episodes: SharedEpisodes) -> Result<Vec<AgentUpdate>, Diverged> {
         let learned_before = self.buffer.episodes_added();
-        self.add_to_buffer(played.episodes)?;
-        let learners =
-            (0..self.team.agent_count() as u32).map(|agent| (agent, learned_before, self.round));
-        let updates = self.learn(&learners.collect::<Vec<_>>())?;
-        Ok((updates, played.body_trajectories))
+        let added = self.add_to_buffer(episodes);
+        self.ranks().agree(added)?;
+        let agents = self.ranks().local_agents(self.team.agent_count() as u32);
+        let learners: Vec<_> = agents
+            .map(|agent| (agent, learned_before, self.round))
+            .collect();
+        let updates = self.learn(&learners);
+        let updates = self.share_updates(updates);
+        self.ranks().agree(self.check_updates(&updates))?;
+        Ok(updates)
+    }
+
+    /// Copies the model that one agent has trained for the team to all ranks, and gives rank 0 the
+    /// updates of all agents.
+    fn share_updates(&mut self, updates: Vec<AgentUpdate>) -> Vec<AgentUpdate> {
+        let ranks = self.ranks();
+        if ranks.is_single() {
+            return updates;
+        }
+        let model = ranks.broadcast(self.team.shared_model());
+        if let (Some(model), false) = (&model, ranks.is_first()) {
+            let workers = Workers::new(self.pool.as_ref());
+            let set = self.team.set_shared_model(model, workers);
+            set.expect("all ranks have the same model");
+        }
+        let mut updates = ranks.gather_lists(updates);
+        if model.is_some() {
+            let error = updates
+                .first()
+                .map(|first| first.update.report.prediction_error);
+            for update in &mut updates {
+                update.update.report.prediction_error = error.flatten();
+            }
+        }
+        updates
+    }
+
+    fn ranks(&self) -> Ranks {
+        self.settings.ranks
     }
 
     /// Agents whose episodes have ended learn while the others continue to play.
@@ -386,7 +475,7 @@ impl Trainer {
                 break;
             }
             let agents: Vec<u32> = ended.episodes.iter().map(|episode| episode.agent).collect();
-            self.add_to_buffer(ended.episodes)?;
+            self.add_to_buffer(ended.episodes.into())?;
             body_trajectories.extend(ended.body_trajectories);
             let mut learners = Vec::new();
             for agent in agents {
@@ -394,25 +483,28 @@ impl Trainer {
                 let (learned_before, earlier_updates) = rollout.begin_update(agent, total, &config);
                 learners.push((agent, learned_before, earlier_updates));
             }
-            updates.extend(self.learn(&learners)?);
+            let newest = self.learn(&learners);
+            self.check_updates(&newest)?;
+            updates.extend(newest);
         }
         self.rollout = Some(rollout);
         Ok((updates, body_trajectories))
     }
 
     /// Checks episodes that ended in the same step, and adds them to the shared buffer.
-    fn add_to_buffer(&mut self, mut episodes: Vec<Episode>) -> Result<(), Diverged> {
-        for episode in &mut episodes {
+    fn add_to_buffer(&mut self, mut shared: SharedEpisodes) -> Result<(), Diverged> {
+        for episode in &mut shared.episodes {
             check_episode(&self.spec, episode)?;
             episode.round = self.round;
         }
-        self.buffer.add_episodes(episodes);
+        let SharedEpisodes { episodes, lengths } = shared;
+        self.buffer.add_episodes_of_lengths(episodes, lengths);
         Ok(())
     }
 
     /// Some agents learn at the same time. `learners`: (agent, number of the team's episodes that
     /// it has learned from before, number of its earlier updates), in agent order
-    fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Result<Vec<AgentUpdate>, Diverged> {
+    fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Vec<AgentUpdate> {
         let episodes = self.buffer.episodes_after(0);
         let removed = self.buffer.episodes_added() - episodes.len() as u64;
         let learners: Vec<Learner> = learners
@@ -425,22 +517,26 @@ impl Trainer {
             .collect();
         let request = LearningRequest {
             episodes,
+            lengths: self.buffer.lengths_after(0),
             learners: &learners,
         };
-        let workers = Workers::new(self.pool.as_ref());
-        let updates = self.team.learn(&request, workers);
-        if let Some(diverged) = updates.iter().find(|update| !update.is_finite) {
+        self.team.learn(&request, Workers::new(self.pool.as_ref()))
+    }
+
+    /// Checks that all agents have learned finite parameters.
+    fn check_updates(&self, updates: &[AgentUpdate]) -> Result<(), Diverged> {
+        let diverged = updates.iter().find(|update| !update.is_finite);
+        diverged.map_or(Ok(()), |diverged| {
             let (agent, round) = (diverged.agent, self.round);
-            return Err(Diverged::Learning { agent, round });
-        }
-        Ok(updates)
+            Err(Diverged::Learning { agent, round })
+        })
     }
 
     /// Plays a round without learning and without measuring it. Episodes are in (agent, episode)
     /// order.
     pub fn play_without_learning(&mut self, plan: &RoundPlan<'_>) -> PlayedEpisodes {
         let workers = Workers::new(self.pool.as_ref());
-        rollout::play(&mut self.groups, &mut *self.team, plan, false, workers)
+        rollout::play(&mut self.groups, &mut *self.team, plan, workers)
     }
 
     /// Agreement of the agents' intrinsic rewards for the steps of the round's first episode; see
@@ -454,12 +550,17 @@ impl Trainer {
             .episodes_after(self.episodes_before_round)
             .first()?;
         let bonuses = self.team.probe_bonuses(probe_episode, self.round);
+        let bonuses = self.settings.ranks.gather_lists(bonuses);
         agreement::mean_rank_correlation(&bonuses)
     }
 
     /// Whether the scenario's `stop` is reached.
     #[must_use]
     pub fn is_done(&self) -> bool {
+        self.is_done
+    }
+
+    fn measures_say_done(&self) -> bool {
         let stop = &self.settings.stop;
         let ends_when_solved = matches!(stop, Stop::Solved { .. });
         self.measures.episodes_per_agent() >= stop.max_episodes() as usize
@@ -502,14 +603,22 @@ impl Trainer {
     /// whole team shares with `team.`.
     #[must_use]
     pub fn tensors(&self) -> Vec<Tensor<'_>> {
-        self.team.tensors()
+        self.gather_tensors(self.team.tensors())
     }
 
     /// The agent seeds, with names such as `agent_3.reward_seeds` and
     /// `agent_3.initial.policy.layer_0.weight`.
     #[must_use]
     pub fn initial_tensors(&self) -> Vec<Tensor<'_>> {
-        self.team.initial_tensors()
+        self.gather_tensors(self.team.initial_tensors())
+    }
+
+    fn gather_tensors<'a>(&self, tensors: Vec<Tensor<'a>>) -> Vec<Tensor<'a>> {
+        if self.ranks().is_single() {
+            return tensors;
+        }
+        let owned: Vec<Tensor<'static>> = tensors.into_iter().map(Tensor::into_owned).collect();
+        self.ranks().gather_lists(owned)
     }
 
     /// The newest round's episodes, in (agent, episode) order.
@@ -537,10 +646,15 @@ impl Trainer {
     /// Never: plain data always serializes.
     #[must_use]
     pub fn save(&self) -> Vec<u8> {
+        let ranks = self.ranks();
+        let team = self.team.save();
         let saved = Saved {
             round: self.round,
-            copies: self.save_copies(),
-            team: self.team.save(),
+            copies: ranks.gather_lists(self.save_copies()),
+            team: SavedTeam {
+                parts: ranks.gather_lists(team.parts),
+                ..team
+            },
             buffer: self.buffer.without_first(self.count_old_episodes()),
             recorded: self.episodes_before_round,
             rollout: &self.rollout,
@@ -565,6 +679,7 @@ impl Trainer {
         self.rollout = saved.rollout;
         self.measures = saved.measures;
         self.round = saved.round;
+        self.is_done = self.measures_say_done();
         Ok(())
     }
 
@@ -608,11 +723,13 @@ impl Trainer {
 /// The updates of a round in the order in which agents learned, and the recorded bodies.
 type UpdatesAndBodies = (Vec<AgentUpdate>, Vec<BodyTrajectory>);
 
-/// The team that a scenario describes.
-fn build_team(scenario: &Scenario, spec: &TaskSpec) -> Box<dyn Team> {
+/// The part of the team that a scenario describes which belongs to a rank.
+fn build_team(scenario: &Scenario, spec: &TaskSpec, ranks: Ranks) -> Box<dyn Team> {
+    let local_agents = ranks.local_agents(scenario.agents.count.get());
     scenario.algorithm.config().build(&TeamContext {
         run_seed: scenario.seed,
         config: &scenario.agents,
+        local_agents: Some((local_agents.start, local_agents.end)),
         spec,
         timing: learning_timing(scenario.schedule),
         record_advantages: scenario.recording.has_advantages(),
@@ -628,6 +745,7 @@ fn training_settings(scenario: &Scenario, threads: usize) -> TrainingSettings {
         transitions_kept: scenario.algorithm.transitions_kept(),
         has_intrinsic_rewards: scenario.algorithm.largest_intrinsic_reward().is_some(),
         threads,
+        ranks: Ranks::SINGLE,
     }
 }
 
@@ -651,8 +769,13 @@ fn thread_pool(threads: usize) -> ThreadPool {
 /// share a world are divided as little as possible, because every world has a cost of its own in
 /// each step. Other copies are divided into more groups than threads, so that all threads are busy
 /// to the end of a round.
-fn group_sizes(description: &TaskDescription, scenario: &Scenario, threads: usize) -> Vec<usize> {
-    let agents = scenario.agents.count.get() as usize;
+fn group_sizes(
+    description: &TaskDescription,
+    scenario: &Scenario,
+    threads: usize,
+    ranks: Ranks,
+) -> Vec<usize> {
+    let agents = ranks.local_agents(scenario.agents.count.get()).len();
     if matches!(scenario.schedule, Schedule::Asynchronous { .. }) {
         return vec![agents];
     }
@@ -680,9 +803,8 @@ pub(super) fn shares_rapier_world(description: &TaskDescription, scenario: &Scen
 /// Groups of copies per thread, if copies do not share a world.
 const GROUPS_PER_THREAD: usize = 4;
 
-/// Groups whose agents are numbered consecutively.
-fn number_agents(environments: Vec<Box<dyn Environment>>) -> Vec<CopyGroup> {
-    let mut first_agent = 0;
+/// Groups whose agents are numbered consecutively from `first_agent` on.
+fn number_agents(environments: Vec<Box<dyn Environment>>, mut first_agent: u32) -> Vec<CopyGroup> {
     let number = |environment: Box<dyn Environment>| {
         let group = CopyGroup {
             first_agent,

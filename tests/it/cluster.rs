@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
 use super::study::{change_stored_curves, run_study, stored_results, study_text, write_study};
-use super::util::{command, files_below, send_signal, stderr, stdout, wait_until};
+use super::util::{
+    command, files_below, run_command, send_signal, small_run, stderr, stdout, wait_until,
+};
 
 /// A study of long runs, of which none ends during a test.
 fn long_study_text() -> String {
@@ -393,4 +395,23 @@ fn merging_keeps_the_history_of_claims() {
         1,
         "{text}"
     );
+}
+
+/// Several processes would write to one directory, and a build without MPI cannot divide a run.
+#[test]
+fn a_run_is_not_repeated_by_every_process_of_mpirun() {
+    let folder = tempfile::tempdir().unwrap();
+    let of_four = run_command(&folder.path().join("run"), &[])
+        .env("OMPI_COMM_WORLD_SIZE", "4")
+        .output()
+        .unwrap();
+    assert_eq!(
+        refused(&of_four),
+        "error: 4 processes of mpirun would all do this run; divide it over them with --mpi\n"
+    );
+    if cfg!(not(feature = "mpi")) {
+        let message = refused(&small_run(&folder.path().join("run"), &["--mpi"]));
+        assert!(message.starts_with("error: this build has no MPI; install one that has"));
+    }
+    assert!(!folder.path().join("run").exists());
 }

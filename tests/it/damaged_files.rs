@@ -24,6 +24,7 @@ use seedbed::record::{
 use seedbed::run::evaluate::{EvaluationSettings, evaluate};
 use seedbed::run::folder::RunFolder;
 use seedbed::run::overview::RunOverview;
+use seedbed::run::ranks::Ranks;
 use seedbed::run::replay::{ReplaySettings, replay};
 use seedbed::run::review::LoadedRun;
 use seedbed::run::{self, Observer, Options, Plan, Progress};
@@ -191,6 +192,7 @@ fn execute(plan: &Plan, folder: &Path, resume: bool, rounds: usize) -> Result<()
         resume,
         threads: 1,
         save_initial: false,
+        ranks: Ranks::SINGLE,
     };
     fs::create_dir_all(folder).unwrap();
     let recording = RecordingFile {

@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use seedbed::run::evaluate::{EvaluationSettings, evaluate};
 use seedbed::run::folder::RunFolder;
+use seedbed::run::ranks::Ranks;
 use seedbed::run::{Observer, Options, Plan, Progress, execute};
 use seedbed_env::input::numbers::ranged_number;
 use seedbed_learn::agent::policy::ActionSelection;
@@ -77,6 +78,7 @@ fn run(scenario: &str, overrides: &[&str], folder: &Path, save_initial: bool) ->
         resume: false,
         threads: 1,
         save_initial,
+        ranks: Ranks::SINGLE,
     };
     let interrupted = AtomicBool::new(false);
     execute(

@@ -87,7 +87,7 @@ impl Episode {
 
 /// Results of an update for each of the T steps of one episode, for recordings. Agents do not learn
 /// from them.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepData {
     /// Number of the agent that played the episode, from 0.
     pub agent: u32,
@@ -119,7 +119,10 @@ impl StepData {
 pub struct SharedBuffer {
     /// Number of episodes that were removed.
     removed: u64,
+    /// Episodes that nobody learns from here may have no steps.
     episodes: Vec<Episode>,
+    /// Length of each episode, with all its steps.
+    lengths: Vec<u32>,
 }
 
 /// What a checkpoint stores of a [`SharedBuffer`], in the same encoding.
@@ -127,13 +130,17 @@ pub struct SharedBuffer {
 pub struct StoredBuffer<'a> {
     removed: u64,
     episodes: &'a [Episode],
+    lengths: &'a [u32],
 }
 
 /// The episodes that an agent learns from in one update.
 #[derive(Clone, Copy, Debug)]
 pub struct Experience<'a> {
-    /// The team's episodes that this agent has not learned from before, including its own.
+    /// The team's episodes that this agent has not learned from before, including its own. Episodes
+    /// that the agent did not [choose](crate::agent::Agent::choose_episodes) may have no steps.
     pub new_episodes: &'a [Episode],
+    /// Lengths of these episodes, with all their steps.
+    pub new_lengths: &'a [u32],
     /// All episodes of the team that are still in the buffer; the new ones are the last.
     pub all_episodes: &'a [Episode],
     /// Number of this agent's earlier updates.
@@ -146,11 +153,24 @@ impl SharedBuffer {
     /// # Panics
     /// If the episodes are not in agent order.
     pub fn add_episodes(&mut self, episodes: Vec<Episode>) {
+        let lengths = episodes.iter().map(|episode| episode.length() as u32);
+        let lengths = lengths.collect();
+        self.add_episodes_of_lengths(episodes, lengths);
+    }
+
+    /// Like [`add_episodes`](Self::add_episodes), but some of the episodes may have no steps here;
+    /// `lengths` are those with all their steps.
+    ///
+    /// # Panics
+    /// If the episodes are not in agent order, or if there are not as many lengths.
+    pub fn add_episodes_of_lengths(&mut self, episodes: Vec<Episode>, lengths: Vec<u32>) {
         assert!(
             episodes.is_sorted_by_key(|episode| episode.agent),
             "episodes must be in agent order"
         );
+        assert_eq!(episodes.len(), lengths.len(), "an episode has one length");
         self.episodes.extend(episodes);
+        self.lengths.extend(lengths);
     }
 
     /// Number of episodes added so far, including removed ones.
@@ -165,6 +185,12 @@ impl SharedBuffer {
         &self.episodes[count.saturating_sub(self.removed) as usize..]
     }
 
+    /// The lengths of [these](Self::episodes_after) episodes.
+    #[must_use]
+    pub fn lengths_after(&self, count: u64) -> &[u32] {
+        &self.lengths[count.saturating_sub(self.removed) as usize..]
+    }
+
     /// The buffer after the first `count` of all episodes added so far are
     /// [removed](Self::remove_first).
     #[must_use]
@@ -173,6 +199,7 @@ impl SharedBuffer {
         StoredBuffer {
             removed,
             episodes: self.episodes_after(removed),
+            lengths: self.lengths_after(removed),
         }
     }
 
@@ -181,9 +208,9 @@ impl SharedBuffer {
     #[must_use]
     pub fn count_before_newest(&self, transitions: u64) -> u64 {
         let mut newest_transitions = 0;
-        let newest = self.episodes.iter().rev().take_while(|episode| {
+        let newest = self.lengths.iter().rev().take_while(|&&length| {
             let is_needed = newest_transitions < transitions;
-            newest_transitions += episode.length() as u64;
+            newest_transitions += u64::from(length);
             is_needed
         });
         self.episodes_added() - newest.count() as u64
@@ -194,6 +221,7 @@ impl SharedBuffer {
         let present_count = self.episodes.len() as u64;
         let newly_removed = count.saturating_sub(self.removed).min(present_count);
         self.episodes.drain(..newly_removed as usize);
+        self.lengths.drain(..newly_removed as usize);
         self.removed += newly_removed;
     }
 }

@@ -15,6 +15,7 @@ use super::bench::BenchReport;
 use super::measure::Measure;
 use super::run_result::RunResult;
 use crate::record::RecorderFactory;
+use crate::run::ranks::Ranks;
 use crate::run::{Observer, Options, RunError};
 use seedbed_env::TaskSpec;
 
@@ -115,6 +116,12 @@ pub trait Experiment: Debug + Send + Sync {
         interrupted: &AtomicBool,
     ) -> Result<RunEnding, RunError>;
 
+    /// Why a run of this experiment cannot be divided over these ranks; `None` if it can.
+    fn ranks_obstacle(&self, ranks: Ranks) -> Option<String> {
+        let _ = ranks;
+        Some("it has no networks that learn, and runs in one process".to_owned())
+    }
+
     /// What `seedbed bench` prints about runs of this experiment.
     fn bench_report(&self) -> &'static dyn BenchReport;
 
@@ -197,6 +204,8 @@ pub enum RunEnding {
         /// Whether it can be resumed from a checkpoint.
         can_resume: bool,
     },
+    /// The run ended; rank 0 knows how.
+    Elsewhere,
 }
 
 /// Results of a finished run, to be printed.

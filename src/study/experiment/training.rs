@@ -8,11 +8,12 @@ use super::{Experiment, RunEnding, RunQueue, RunReport, RunRequest, StopRule, me
 use crate::record::table::TableFiles;
 use crate::record::{RecorderFactory, RecordingSettings};
 use crate::run::measures::RoundRows;
+use crate::run::ranks::Ranks;
 use crate::run::shared_world::{SharedWorld, runs_per_world};
 use crate::run::summary::{FINAL_WINDOW, Summary};
 use crate::run::trainer::Trainer;
 use crate::run::{self, Observer, Options, Plan, RecorderFactories, RunError, RunOutcome};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, Schedule};
 use crate::study::bench::{BenchReport, SolvingReport};
 use crate::study::measure::{Measure, Needs};
 use crate::study::run_result::{Reservoir, RunResult};
@@ -149,6 +150,22 @@ impl Experiment for Plan {
                 after: pluralize(rounds as usize, "round"),
                 can_resume: true,
             },
+            RunOutcome::Elsewhere => RunEnding::Elsewhere,
+        })
+    }
+
+    fn ranks_obstacle(&self, ranks: Ranks) -> Option<String> {
+        let agents = self.scenario.agents.count.get();
+        if matches!(self.scenario.schedule, Schedule::Asynchronous { .. }) {
+            return Some(
+                "`schedule: Asynchronous` lets agents learn while others play, in an order that only one \
+                 process knows; use `Synchronous` or `Lockstep`"
+                    .to_owned(),
+            );
+        }
+        (agents < ranks.count()).then(|| {
+            let (agents, ranks) = (pluralize(agents as usize, "agent"), ranks.count());
+            format!("it has {agents}; expected at least one for each of the {ranks} ranks")
         })
     }
 

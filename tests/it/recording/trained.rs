@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use seedbed::record::recording::RecordingFile;
 use seedbed::record::table::TableFiles;
 use seedbed::run::folder::RunFolder;
+use seedbed::run::ranks::Ranks;
 use seedbed::run::trainer::Trainer;
 use seedbed::run::{Observer, Options, Plan, Progress, RecorderFactories, RunOutcome, execute};
 use seedbed_env::Choice;
@@ -70,6 +71,7 @@ pub(super) fn run_and_read_recording(
         resume: false,
         threads,
         save_initial: false,
+        ranks: Ranks::SINGLE,
     };
     let outcome = execute(
         plan,

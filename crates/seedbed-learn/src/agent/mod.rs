@@ -21,6 +21,7 @@ use self::bonus::BonusModel;
 use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Activations, Initial, Mlp};
 use crate::seed::{RewardSeeds, SameInitial};
+use crate::team::EpisodeInfo;
 use seedbed_env::TaskSpec;
 use seedbed_env::input::Located;
 use seedbed_env::input::numbers::{Count, ranged_count, ranged_number};
@@ -43,6 +44,16 @@ pub trait Agent: Send + Sync {
     /// Learns from the team's episodes.
     fn update(&mut self, experience: &Experience<'_>) -> Update;
 
+    /// Indices of the new episodes that the agent will learn from in its update number
+    /// `earlier_updates`, in any order; it needs no steps of the others. `None` (the default): all.
+    fn choose_episodes(
+        &self,
+        _new_episodes: &[EpisodeInfo],
+        _earlier_updates: u32,
+    ) -> Option<Vec<usize>> {
+        None
+    }
+
     /// Unscaled bonuses of at most [`PROBE_STEPS`] steps of an episode under the agent's present
     /// bonus model; empty if the agent has no bonus.
     fn probe_bonuses(&mut self, _episode: &Episode, _round: u32) -> Vec<f32> {
@@ -50,7 +61,12 @@ pub trait Agent: Send + Sync {
     }
 
     /// The agent's bonus model, if the team shares one model. Agent 0 trains it.
-    fn shared_bonus_model(&mut self) -> Option<&mut BonusModel> {
+    fn shared_bonus_model(&self) -> Option<&BonusModel> {
+        None
+    }
+
+    /// The same model, to copy what agent 0 has learned.
+    fn shared_bonus_model_mut(&mut self) -> Option<&mut BonusModel> {
         None
     }
 
@@ -158,7 +174,7 @@ pub(crate) struct ValueBuffers {
 }
 
 /// The result of one agent's update.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Update {
     /// Statistics of the update.
     pub report: UpdateReport,
@@ -178,7 +194,7 @@ impl From<UpdateReport> for Update {
 
 /// Statistics of one update: means over all samples that were trained on. `None` if the algorithm
 /// does not have the quantity, or if the update trained on no sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct UpdateReport {
     /// ½ mean squared error of the value function against its normalized targets.
     pub value_loss: Option<f32>,
@@ -205,7 +221,7 @@ pub struct UpdateReport {
 }
 
 /// A named array of parameters.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tensor<'a> {
     /// The name, such as `policy.layer_0.weight`.
     pub name: String,
@@ -223,6 +239,16 @@ impl<'a> Tensor<'a> {
             name: name.to_owned(),
             shape: vec![values.len()],
             values,
+        }
+    }
+
+    /// The same tensor with numbers of its own.
+    #[must_use]
+    pub fn into_owned(self) -> Tensor<'static> {
+        Tensor {
+            name: self.name,
+            shape: self.shape,
+            values: Cow::Owned(self.values.into_owned()),
         }
     }
 

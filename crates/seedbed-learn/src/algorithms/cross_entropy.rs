@@ -18,7 +18,9 @@ use crate::agent::scaling::{ObservationScaling, Scaling};
 use crate::agent::{ActScratch, Tensor, UpdateReport, network_tensors};
 use crate::experience::Episode;
 use crate::nn::{AdamSettings, Mlp};
-use crate::team::{ActionRequest, AgentUpdate, LearningRequest, Team, TeamContext, Workers};
+use crate::team::{
+    ActionRequest, AgentUpdate, LearningRequest, SavedTeam, Team, TeamContext, Workers,
+};
 use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{
     Count, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
@@ -119,8 +121,9 @@ struct CrossEntropyTeam {
     mean: Vec<f32>,
     /// Standard deviation σ of each parameter: `[P]`.
     deviation: Vec<f32>,
-    /// Parameters of each agent in this round: `[K][P]`.
+    /// Parameters of each agent in this round, local or not: `[K][P]`.
     population: Vec<Vec<f32>>,
+    has_agent_0: bool,
     policies: Vec<Policy>,
 }
 
@@ -148,6 +151,7 @@ impl CrossEntropyTeam {
             mean: vec![0.0; parameters],
             deviation: vec![config.initial_deviation.get_f32(); parameters],
             population: vec![Vec::new(); context.config.count.get() as usize],
+            has_agent_0: context.local_agents().start == 0,
             policies: Vec::new(),
             config: config.clone(),
             network,
@@ -278,6 +282,9 @@ impl Team for CrossEntropyTeam {
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
         let mut tensors = Vec::new();
+        if !self.has_agent_0 {
+            return tensors;
+        }
         for (name, numbers) in [
             ("model_0.policy", &self.mean),
             ("model_0.deviation", &self.deviation),
@@ -288,17 +295,21 @@ impl Team for CrossEntropyTeam {
         tensors
     }
 
-    fn save(&self) -> Vec<u8> {
+    fn save(&self) -> SavedTeam {
         let saved = Saved {
             mean: self.mean.clone(),
             deviation: self.deviation.clone(),
             observations: self.scaling.learned().cloned(),
         };
-        postcard::to_stdvec(&saved).expect("plain data always serializes")
+        SavedTeam {
+            parts: Vec::new(),
+            shared: postcard::to_stdvec(&saved).expect("plain data always serializes"),
+        }
     }
 
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+    fn restore(&mut self, saved: &SavedTeam) -> Result<(), String> {
+        let saved: Saved =
+            postcard::from_bytes(&saved.shared).map_err(|error| error.to_string())?;
         let count = self.mean.len();
         if saved.mean.len() != count || saved.deviation.len() != count {
             return Err(format!(
@@ -342,6 +353,7 @@ mod tests {
             &TeamContext {
                 run_seed: 3,
                 config: &team,
+                local_agents: None,
                 spec: &spec(),
                 timing: LearningTiming::AfterEpisodes,
                 record_advantages: false,
@@ -366,8 +378,13 @@ mod tests {
                 earlier_updates: round,
             })
             .collect();
+        let lengths: Vec<u32> = episodes
+            .iter()
+            .map(|episode| episode.length() as u32)
+            .collect();
         let request = LearningRequest {
             episodes,
+            lengths: &lengths,
             learners: &learners,
         };
         let updates = team.learn(&request, Workers::CURRENT_THREAD);

@@ -1,12 +1,20 @@
 //! Teams of agents that each have their own networks.
 
-use super::{ActionRequest, AgentUpdate, Learner, LearningRequest, Team, TeamContext, Workers};
-use crate::agent::bonus::SHARED_OWNER;
+use super::{
+    ActionRequest, AgentUpdate, EpisodeInfo, Learner, LearningRequest, SavedTeam, Team,
+    TeamContext, Workers,
+};
+use crate::agent::bonus::{BonusModel, SHARED_OWNER};
 use crate::agent::{ActScratch, Agent, AgentContext, Tensor};
 use crate::experience::{Episode, Experience};
 
 /// A team of independent [`Agent`]s, which all learn from the team's shared episodes.
 pub struct IndependentLearners {
+    /// Number of agents of the team, in all processes together.
+    agent_count: usize,
+    /// Number of the first of `agents`.
+    first_agent: usize,
+    /// The local agents.
     agents: Vec<Box<dyn Agent>>,
 }
 
@@ -14,27 +22,35 @@ impl IndependentLearners {
     /// A team of these agents, in the order of their numbers.
     #[must_use]
     pub fn new(agents: Vec<Box<dyn Agent>>) -> Self {
-        Self { agents }
+        Self {
+            agent_count: agents.len(),
+            first_agent: 0,
+            agents,
+        }
     }
 
-    /// A team with the number of agents in `context`, each built by `build`.
+    /// A team with the number of agents in `context`, whose local agents are built by `build`.
     pub fn build<A: Agent + 'static>(
         context: &TeamContext<'_>,
         build: impl Fn(&AgentContext<'_>) -> A,
     ) -> Box<dyn Team> {
-        let agents = context
-            .agent_numbers()
-            .map(|agent| Box::new(build(&context.agent_context(agent))) as Box<dyn Agent>);
-        Box::new(Self::new(agents.collect()))
+        let local_agents = context.local_agents();
+        Box::new(Self {
+            agent_count: context.config.count.get() as usize,
+            first_agent: local_agents.start as usize,
+            agents: local_agents
+                .map(|agent| Box::new(build(&context.agent_context(agent))) as Box<dyn Agent>)
+                .collect(),
+        })
     }
 
-    /// Tensors of all agents, whose names begin with e.g. `agent_3.`.
+    /// Tensors of all local agents, whose names begin with e.g. `agent_3.`.
     fn tensors_of_agents<'a>(
         &'a self,
         tensors_of: impl Fn(&'a dyn Agent) -> Vec<Tensor<'a>>,
     ) -> Vec<Tensor<'a>> {
         let mut tensors = Vec::new();
-        for (number, agent) in self.agents.iter().enumerate() {
+        for (agent, number) in self.agents.iter().zip(self.first_agent..) {
             let prefix = format!("agent_{number}.");
             let own_tensors = tensors_of(&**agent).into_iter();
             tensors.extend(own_tensors.map(|tensor| tensor.prefixed(&prefix)));
@@ -42,8 +58,16 @@ impl IndependentLearners {
         tensors
     }
 
-    /// Copies the bonus model that agent 0 has trained to the other agents; returns whether there is
-    /// such a model.
+    /// Agent 0, if it is local.
+    fn agent_0(&self) -> Option<&dyn Agent> {
+        self.agents
+            .first()
+            .filter(|_| self.first_agent == 0)
+            .map(|agent| &**agent)
+    }
+
+    /// Copies the bonus model that agent 0 has trained to the other local agents; returns whether
+    /// there is such a model.
     fn copy_shared_bonus_model(&mut self, workers: Workers<'_>) -> bool {
         let Some((first, others)) = self.agents.split_first_mut() else {
             return false;
@@ -51,9 +75,8 @@ impl IndependentLearners {
         let Some(trained) = first.shared_bonus_model() else {
             return false;
         };
-        let trained = &*trained;
         workers.for_each(others, |agent| {
-            if let Some(model) = agent.shared_bonus_model() {
+            if let Some(model) = agent.shared_bonus_model_mut() {
                 model.copy_learned(trained);
             }
         });
@@ -63,14 +86,14 @@ impl IndependentLearners {
 
 impl Team for IndependentLearners {
     fn agent_count(&self) -> usize {
-        self.agents.len()
+        self.agent_count
     }
 
     fn act(&self, request: &mut ActionRequest<'_>, scratch: &mut ActScratch) {
         let count = request.playing.len();
         let observation_width = request.observations.len() / count;
         let action_width = request.actions.len() / count;
-        let group = &self.agents[request.first_agent..][..count];
+        let group = &self.agents[request.first_agent - self.first_agent..][..count];
         for (index, agent) in group.iter().enumerate() {
             if !request.playing[index] {
                 continue;
@@ -91,7 +114,7 @@ impl Team for IndependentLearners {
         // Learners are in agent order, so one pass over the agents finds all of them.
         let mut remaining = request.learners.iter().peekable();
         let mut learning_agents: Vec<(&mut Box<dyn Agent>, &Learner)> = Vec::new();
-        for (agent, number) in self.agents.iter_mut().zip(0..) {
+        for (agent, number) in self.agents.iter_mut().zip(self.first_agent as u32..) {
             if let Some(learner) = remaining.next_if(|learner| learner.agent == number) {
                 learning_agents.push((agent, learner));
             }
@@ -100,18 +123,47 @@ impl Team for IndependentLearners {
             agent: learner.agent,
             update: agent.update(&Experience {
                 new_episodes: &request.episodes[learner.first_new_episode..],
+                new_lengths: &request.lengths[learner.first_new_episode..],
                 all_episodes: request.episodes,
                 earlier_updates: learner.earlier_updates,
             }),
             is_finite: agent.is_finite(),
         });
-        if self.copy_shared_bonus_model(workers) {
+        if self.first_agent == 0 && self.copy_shared_bonus_model(workers) {
             let trained = updates[0].update.report.prediction_error;
             for update in &mut updates {
                 update.update.report.prediction_error = trained;
             }
         }
         updates
+    }
+
+    fn choose_episodes(
+        &self,
+        new_episodes: &[EpisodeInfo],
+        earlier_updates: u32,
+    ) -> Option<Vec<usize>> {
+        let mut is_chosen = vec![false; new_episodes.len()];
+        for agent in &self.agents {
+            for index in agent.choose_episodes(new_episodes, earlier_updates)? {
+                is_chosen[index] = true;
+            }
+        }
+        let indices = 0..new_episodes.len();
+        Some(indices.filter(|&index| is_chosen[index]).collect())
+    }
+
+    fn shared_model(&self) -> Option<Vec<u8>> {
+        let model = self.agent_0()?.shared_bonus_model()?;
+        Some(model.save_model())
+    }
+
+    fn set_shared_model(&mut self, bytes: &[u8], workers: Workers<'_>) -> Result<(), String> {
+        let model = self.agents.first_mut();
+        let model = model.and_then(|agent| agent.shared_bonus_model_mut());
+        model.map_or(Ok(()), |model| BonusModel::restore_model(model, bytes))?;
+        self.copy_shared_bonus_model(workers);
+        Ok(())
     }
 
     fn probe_bonuses(&mut self, episode: &Episode, round: u32) -> Vec<Vec<f32>> {
@@ -123,7 +175,7 @@ impl Team for IndependentLearners {
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
         let mut tensors = self.tensors_of_agents(Agent::tensors);
-        if let Some(agent) = self.agents.first() {
+        if let Some(agent) = self.agent_0() {
             let shared_tensors = agent.shared_tensors().into_iter();
             tensors.extend(shared_tensors.map(|tensor| tensor.prefixed(SHARED_OWNER)));
         }
@@ -134,23 +186,22 @@ impl Team for IndependentLearners {
         self.tensors_of_agents(Agent::initial_tensors)
     }
 
-    fn save(&self) -> Vec<u8> {
-        let agents: Vec<Vec<u8>> = self.agents.iter().map(|agent| agent.save()).collect();
-        postcard::to_stdvec(&agents).expect("plain data always serializes")
+    fn save(&self) -> SavedTeam {
+        SavedTeam {
+            parts: self.agents.iter().map(|agent| agent.save()).collect(),
+            shared: Vec::new(),
+        }
     }
 
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Vec<Vec<u8>> = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
-        let count = self.agents.len();
-        if saved.len() != count {
+    fn restore(&mut self, saved: &SavedTeam) -> Result<(), String> {
+        let (stored, expected) = (saved.parts.len(), self.agent_count);
+        if stored != expected {
             return Err(format!(
-                "the checkpoint has {} agents; expected {count}",
-                saved.len()
+                "the checkpoint has {stored} agents; expected {expected}"
             ));
         }
-        self.agents
-            .iter_mut()
-            .zip(&saved)
-            .try_for_each(|(agent, bytes)| agent.restore(bytes))
+        let states = &saved.parts[self.first_agent..];
+        let mut agents = self.agents.iter_mut().zip(states);
+        agents.try_for_each(|(agent, bytes)| agent.restore(bytes))
     }
 }

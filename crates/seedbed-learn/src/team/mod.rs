@@ -8,6 +8,10 @@
 mod independent;
 mod workers;
 
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
 use crate::agent::{ActScratch, AgentContext, TeamConfig, Tensor, Update};
 use crate::experience::Episode;
 use crate::experience::replay::Replay;
@@ -27,8 +31,13 @@ pub use workers::Workers;
 /// [`transition_interval`](Self::transition_interval) steps have been played. To evaluate a team, it
 /// calls [`begin_round`](Self::begin_round) and [`act`](Self::act) only. Results must not depend on
 /// the number of [`Workers`], to the bit.
+///
+/// A run may be divided over processes: each has a team that acts and learns for consecutive agents,
+/// its *local* agents ([`TeamContext::local_agents`]). What local agents share with others is either
+/// learned in every process from the same experience, with the same bits, or passed on by
+/// [`shared_model`](Self::shared_model). A team in a single process has local agents only.
 pub trait Team: Send + Sync {
-    /// Number of agents K.
+    /// Number of agents K, in all processes together.
     fn agent_count(&self) -> usize;
 
     /// Prepares for the round with this number, which is played next.
@@ -51,23 +60,50 @@ pub trait Team: Send + Sync {
     /// episodes ([`LearningTiming::EverySteps`]) do so here.
     fn end_step(&mut self, _workers: Workers<'_>) {}
 
-    /// Lets the agents of `request.learners` learn; returns one update per learner, in the same
-    /// order.
+    /// Lets the agents of `request.learners`, which are local, learn; returns one update per
+    /// learner, in the same order.
     fn learn(&mut self, request: &LearningRequest<'_>, workers: Workers<'_>) -> Vec<AgentUpdate>;
 
+    /// Which of the team's new episodes the local agents will learn from in their next update, number
+    /// `earlier_updates`; [`learn`](Self::learn) gets the others without their steps. `None` (the
+    /// default): all of them.
+    fn choose_episodes(
+        &self,
+        _new_episodes: &[EpisodeInfo],
+        _earlier_updates: u32,
+    ) -> Option<Vec<usize>> {
+        None
+    }
+
+    /// A model that one agent trains for the whole team, as bytes, after that agent has learned.
+    /// `None` (the default) if there is no such model, or if the agent is not local.
+    fn shared_model(&self) -> Option<Vec<u8>> {
+        None
+    }
+
+    /// Copies the [shared model](Self::shared_model) of another process to all local agents.
+    ///
+    /// # Errors
+    /// What is wrong if the bytes are not of such a model.
+    fn set_shared_model(&mut self, _bytes: &[u8], _workers: Workers<'_>) -> Result<(), String> {
+        Ok(())
+    }
+
     /// Unscaled bonuses of at most [`PROBE_STEPS`](crate::agent::PROBE_STEPS) steps of an episode:
-    /// one list per bonus model of the team. Lists are empty without a bonus.
+    /// one list per bonus model of the local agents. Lists are empty without a bonus.
     fn probe_bonuses(&mut self, _episode: &Episode, _round: u32) -> Vec<Vec<f32>> {
         Vec::new()
     }
 
-    /// The parameters of all networks, with names such as `agent_3.policy.layer_0.weight`; names of
+    /// The parameters of the networks of all local agents, with names such as
+    /// `agent_3.policy.layer_0.weight`, and of what agents share if agent 0 is local: names of
     /// models that several agents share begin with `model_3.` instead, and those of a bonus model
     /// that the whole team shares with `team.`. See [`NetworkInfo`](crate::agent::network_info).
     fn tensors(&self) -> Vec<Tensor<'_>>;
 
     /// The agent seeds, with names such as `agent_3.reward_seeds` and
-    /// `agent_3.initial.policy.layer_0.weight`. Empty if the team has none.
+    /// `agent_3.initial.policy.layer_0.weight`, of the same agents and models as
+    /// [`tensors`](Self::tensors). Empty if the team has none.
     fn initial_tensors(&self) -> Vec<Tensor<'_>> {
         Vec::new()
     }
@@ -82,14 +118,46 @@ pub trait Team: Send + Sync {
         None
     }
 
-    /// Everything that learning changed, as bytes, without the [replay buffer](Self::replay).
-    fn save(&self) -> Vec<u8>;
+    /// Everything that learning changed, without the [replay buffer](Self::replay), and without the
+    /// parts of other processes.
+    fn save(&self) -> SavedTeam;
 
-    /// Continues from what [`save`](Self::save) wrote.
+    /// Continues from what [`save`](Self::save) wrote, with the parts of all processes.
     ///
     /// # Errors
     /// What is wrong if the bytes are not of such a team.
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), String>;
+    fn restore(&mut self, saved: &SavedTeam) -> Result<(), String>;
+}
+
+/// What learning changed in a team, as bytes.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SavedTeam {
+    /// The state of each agent, or of each model that agents act by, in their order. Each is part of
+    /// what one process saves, in the order of the processes.
+    pub parts: Vec<Vec<u8>>,
+    /// The same in every process.
+    pub shared: Vec<u8>,
+}
+
+/// An episode without its steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EpisodeInfo {
+    /// Number of the agent, from 0.
+    pub agent: u32,
+    /// Number of the agent's episode, from 0.
+    pub episode: u32,
+    /// Number of steps T.
+    pub length: u32,
+}
+
+impl From<&Episode> for EpisodeInfo {
+    fn from(episode: &Episode) -> Self {
+        Self {
+            agent: episode.agent,
+            episode: episode.episode,
+            length: episode.length() as u32,
+        }
+    }
 }
 
 /// The observations of one step of a group of consecutive agents, and buffers for the actions. There
@@ -116,8 +184,11 @@ pub struct ActionRequest<'a> {
 /// The agents that learn next, and the episodes that they learn from.
 #[derive(Clone, Copy, Debug)]
 pub struct LearningRequest<'a> {
-    /// All episodes of the team that are still in the buffer.
+    /// All episodes of the team that are still in the buffer. If the agents
+    /// [chose](Team::choose_episodes) some, others may have no steps.
     pub episodes: &'a [Episode],
+    /// Lengths of these episodes, with all their steps.
+    pub lengths: &'a [u32],
     /// The agents that learn, in agent order.
     pub learners: &'a [Learner],
 }
@@ -135,7 +206,7 @@ pub struct Learner {
 }
 
 /// The update of one agent of a team.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AgentUpdate {
     /// The agent's number, from 0.
     pub agent: u32,
@@ -152,6 +223,8 @@ pub struct TeamContext<'a> {
     pub run_seed: u64,
     /// The number of agents, and how they differ from each other.
     pub config: &'a TeamConfig,
+    /// First and last (exclusive) of the agents that act and learn in this process; `None`: all.
+    pub local_agents: Option<(u32, u32)>,
     /// The task.
     pub spec: &'a TaskSpec,
     /// When the team learns.
@@ -186,8 +259,10 @@ impl<'a> TeamContext<'a> {
         }
     }
 
-    /// The numbers of all agents, from 0.
-    pub fn agent_numbers(&self) -> impl Iterator<Item = u32> + use<> {
-        0..self.config.count.get()
+    /// The numbers of the agents that act and learn in this process.
+    #[must_use]
+    pub fn local_agents(&self) -> Range<u32> {
+        let (first, end) = self.local_agents.unwrap_or((0, self.config.count.get()));
+        first..end
     }
 }

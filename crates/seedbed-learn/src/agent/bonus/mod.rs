@@ -377,6 +377,15 @@ impl BonusModel {
         self.sharing == ModelSharing::Shared
     }
 
+    /// Whether the agent learns from, or measures errors on, all new episodes of the team.
+    pub(crate) fn needs_all_episodes(&self) -> bool {
+        match self.sharing {
+            ModelSharing::Shared => self.agent == 0,
+            ModelSharing::Independent => false,
+            ModelSharing::Frozen => true,
+        }
+    }
+
     /// Trains the model, unless it is frozen, or a copy of a shared model that another agent trains.
     /// Returns its mean squared error on the new episodes before training, in the units of its
     /// targets; `None` for a copy.
@@ -457,24 +466,33 @@ impl BonusModel {
     }
 
     pub(crate) fn save(&self) -> Vec<u8> {
-        let model = match &self.model {
-            Model::Vime(model) => model.save(),
-            Model::Rnd(model) => model.save(),
-        };
         postcard::to_stdvec(&Saved {
             medians: &self.medians,
-            model,
+            model: self.save_model(),
         })
         .expect("plain numbers always serialize")
+    }
+
+    /// What the model has learned, without what belongs to the agent.
+    pub(crate) fn save_model(&self) -> Vec<u8> {
+        match &self.model {
+            Model::Vime(model) => model.save(),
+            Model::Rnd(model) => model.save(),
+        }
     }
 
     pub(crate) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         let saved: Saved<MedianScale> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         self.medians = saved.medians;
+        self.restore_model(&saved.model)
+    }
+
+    /// Continues from what [`save_model`](Self::save_model) wrote.
+    pub(crate) fn restore_model(&mut self, bytes: &[u8]) -> Result<(), String> {
         match &mut self.model {
-            Model::Vime(model) => model.restore(&saved.model),
-            Model::Rnd(model) => model.restore(&saved.model),
+            Model::Vime(model) => model.restore(bytes),
+            Model::Rnd(model) => model.restore(bytes),
         }
     }
 
@@ -570,6 +588,7 @@ mod tests {
             .filter_map(|round| {
                 bonus_model.learn(&Experience {
                     new_episodes: episodes,
+                    new_lengths: &[],
                     all_episodes: episodes,
                     earlier_updates: round,
                 })
@@ -679,6 +698,7 @@ mod tests {
         let mut bonuses = vec![];
         let experience = |round| Experience {
             new_episodes: &episodes,
+            new_lengths: &[],
             all_episodes: &episodes,
             earlier_updates: round,
         };
@@ -706,6 +726,7 @@ mod tests {
             original.compute_bonuses(
                 &Experience {
                     new_episodes: &episodes,
+                    new_lengths: &[],
                     all_episodes: &episodes,
                     earlier_updates: 0,
                 },

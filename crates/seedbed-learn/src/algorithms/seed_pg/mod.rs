@@ -36,6 +36,7 @@ use crate::nn::{Mlp, PopArt, Standardizer};
 use crate::rl::advantage;
 use crate::rl::policy_loss::{self, Surrogate};
 use crate::seed::{InitialParameters, RewardPerturbation};
+use crate::team::EpisodeInfo;
 use seedbed_env::input::numbers::{NonNegative, Positive};
 use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Status, TaskSpec};
@@ -134,32 +135,40 @@ impl SeedPgAgent {
 
     /// Chooses the new episodes that this agent learns from: its own, and those that others share
     /// with it.
-    fn choose_episodes(&mut self, new_episodes: &[Episode], random: &mut Stream) {
-        let Self {
-            agent,
-            config,
-            work,
-            ..
-        } = self;
-        let learns_from_others =
-            config.value_data == Data::Shared || config.policy_data == Data::Shared;
-        let (own, others): (Vec<usize>, Vec<usize>) = (0..new_episodes.len())
-            .filter(|&index| new_episodes[index].length() > 0)
-            .partition(|&index| new_episodes[index].agent == *agent);
-        work.chosen_episodes = own;
-        match config.sharing {
-            _ if !learns_from_others => {}
-            Sharing::All => work.chosen_episodes.extend(others),
-            Sharing::Sampled { trajectories } => {
-                let count = others.len().min(trajectories.get() as usize);
-                work.chosen_episodes.extend(
-                    index::sample(random, others.len(), count)
-                        .into_iter()
-                        .map(|position| others[position]),
-                );
+    fn choose_episodes(
+        &self,
+        new_episodes: impl Iterator<Item = EpisodeInfo>,
+        random: &mut Stream,
+    ) -> Vec<usize> {
+        let config = &self.config;
+        let (mut chosen, mut others) = (Vec::new(), Vec::new());
+        for (index, episode) in new_episodes.enumerate() {
+            if episode.length > 0 && episode.agent == self.agent {
+                chosen.push(index);
+            } else if episode.length > 0 {
+                others.push(index);
             }
         }
-        work.chosen_episodes.sort_unstable();
+        match config.sharing {
+            _ if !self.learns_from_others() => {}
+            Sharing::All => chosen.extend(others),
+            Sharing::Sampled { trajectories } => {
+                let count = others.len().min(trajectories.get() as usize);
+                let sample = index::sample(random, others.len(), count);
+                chosen.extend(sample.into_iter().map(|position| others[position]));
+            }
+        }
+        chosen.sort_unstable();
+        chosen
+    }
+
+    fn learns_from_others(&self) -> bool {
+        self.config.value_data == Data::Shared || self.config.policy_data == Data::Shared
+    }
+
+    /// The stream from which an update draws episodes and minibatches.
+    fn update_stream(&self, earlier_updates: u32) -> Stream {
+        stream(self.run_seed, Purpose::Shuffle, self.agent, earlier_updates)
     }
 
     /// Intrinsic rewards and, if they are recorded, advantages of the agent's own steps, before it
@@ -612,9 +621,14 @@ impl Agent for SeedPgAgent {
             earlier_updates: round,
             ..
         } = experience;
-        let mut random = stream(self.run_seed, Purpose::Shuffle, self.agent, round);
+        let mut random = self.update_stream(round);
         let (descent, mut totals) = (self.descent(round), Totals::default());
-        self.choose_episodes(new_episodes, &mut random);
+        let infos = new_episodes.iter().zip(experience.new_lengths);
+        let infos = infos.map(|(episode, &length)| EpisodeInfo {
+            length,
+            ..EpisodeInfo::from(episode)
+        });
+        self.work.chosen_episodes = self.choose_episodes(infos, &mut random);
         if let Some(bonus_model) = &mut self.bonus_model {
             bonus_model.compute_bonuses(
                 experience,
@@ -649,7 +663,25 @@ impl Agent for SeedPgAgent {
             })
     }
 
-    fn shared_bonus_model(&mut self) -> Option<&mut BonusModel> {
+    fn choose_episodes(
+        &self,
+        new_episodes: &[EpisodeInfo],
+        earlier_updates: u32,
+    ) -> Option<Vec<usize>> {
+        let needs_all = self.bonus_model.as_ref();
+        let needs_all = needs_all.is_some_and(BonusModel::needs_all_episodes);
+        let shares_all = self.learns_from_others() && self.config.sharing == Sharing::All;
+        (!needs_all && !shares_all).then(|| {
+            let mut random = self.update_stream(earlier_updates);
+            self.choose_episodes(new_episodes.iter().copied(), &mut random)
+        })
+    }
+
+    fn shared_bonus_model(&self) -> Option<&BonusModel> {
+        self.bonus_model.as_ref().filter(|model| model.is_shared())
+    }
+
+    fn shared_bonus_model_mut(&mut self) -> Option<&mut BonusModel> {
         self.bonus_model.as_mut().filter(|model| model.is_shared())
     }
 

@@ -10,6 +10,7 @@
 
 pub mod config;
 pub mod exploration;
+mod local_models;
 mod minibatch;
 pub mod model;
 mod perturbation;
@@ -21,6 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use self::config::{Composition, Learning, ModelAssignment};
 use self::exploration::Chooser;
+use self::local_models::LocalModels;
 use self::model::{LearningContext, ValueModel};
 use crate::agent::bonus::{Bonus, SHARED_OWNER};
 use crate::agent::scaling::Scaling;
@@ -29,7 +31,8 @@ use crate::experience::replay::Replay;
 use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Mlp, Standardizer};
 use crate::team::{
-    ActionRequest, AgentUpdate, LearningRequest, LearningTiming, Team, TeamContext, Workers,
+    ActionRequest, AgentUpdate, LearningRequest, LearningTiming, SavedTeam, Team, TeamContext,
+    Workers,
 };
 use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Choice, TaskSpec};
@@ -41,7 +44,9 @@ pub struct ValueTeam {
     /// Number of choices of an action.
     choices: usize,
     scaling: Scaling,
+    /// All models of the team.
     models: Vec<ValueModel>,
+    local: LocalModels,
     /// Index of the model that each agent acts by in this round: `[K]`.
     model_of_agent: Vec<usize>,
     /// Agents that act by each model in this round, in agent order: `[models]`.
@@ -63,7 +68,6 @@ pub struct ValueTeam {
 /// What a checkpoint holds of a team. The rest derives from the scenario.
 #[derive(Serialize, Deserialize)]
 struct Saved<S> {
-    models: Vec<Vec<u8>>,
     observations: Option<S>,
     steps: u64,
     new_transitions: u32,
@@ -102,6 +106,7 @@ impl ValueTeam {
             choices,
             scaling: Scaling::new(learning.observations, spec),
             models: (0..composition.models as u32).map(model).collect(),
+            local: LocalModels::new(&composition, context),
             model_of_agent: (0..agents)
                 .map(|agent| agent % composition.models)
                 .collect(),
@@ -205,7 +210,18 @@ impl ValueTeam {
             agents: self.model_of_agent.len(),
             steps: self.steps,
         };
-        workers.for_each(&mut self.models, |model| model.learn(&context));
+        let local = &self.local;
+        workers.for_each(&mut self.models, |model| {
+            if local.learns(model.number()) {
+                model.learn(&context);
+            }
+        });
+    }
+
+    /// The models whose state this process passes on, with their numbers.
+    fn own_models(&self) -> impl Iterator<Item = (usize, &ValueModel)> {
+        let own = &self.local.own;
+        own.clone().zip(&self.models[own.clone()])
     }
 
     /// Every model computes the bonuses of its followers' new episodes; then its bonus model
@@ -242,13 +258,10 @@ impl ValueTeam {
         let step_data = self.own_bonuses.get(agent).cloned().unwrap_or_default();
         let bonuses = || step_data.iter().flat_map(|data| &data.intrinsic_rewards);
         let (steps, sum) = (bonuses().count(), bonuses().sum::<f32>());
-        let steps_of_models = || {
-            self.models
-                .iter()
-                .filter_map(|model| model.report().gradient_steps)
-        };
+        // All models take the same number of steps, here or in another process.
+        let steps_of_model = model.report().gradient_steps.unwrap_or(0);
         let gradient_steps = if agent == 0 {
-            steps_of_models().sum()
+            steps_of_model * self.models.len() as u32
         } else {
             0
         };
@@ -333,6 +346,7 @@ impl Team for ValueTeam {
         };
         let experience = Experience {
             new_episodes: &request.episodes[first.first_new_episode..],
+            new_lengths: &request.lengths[first.first_new_episode..],
             all_episodes: request.episodes,
             earlier_updates: first.earlier_updates,
         };
@@ -352,7 +366,7 @@ impl Team for ValueTeam {
     }
 
     fn probe_bonuses(&mut self, episode: &Episode, round: u32) -> Vec<Vec<f32>> {
-        self.models
+        self.models[self.local.own.clone()]
             .iter_mut()
             .map(|model| model.probe_bonuses(episode, round))
             .collect()
@@ -360,23 +374,21 @@ impl Team for ValueTeam {
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
         let mut tensors = Vec::new();
-        for (number, model) in self.models.iter().enumerate() {
+        for (number, model) in self.own_models() {
             let prefix = format!("model_{number}.");
             tensors.extend(model.tensors().map(|tensor| tensor.prefixed(&prefix)));
         }
-        let shared_tensors = self
-            .models
-            .iter()
-            .take(1)
-            .flat_map(ValueModel::shared_tensors);
-        tensors.extend(shared_tensors.map(|tensor| tensor.prefixed(SHARED_OWNER)));
-        tensors.extend(self.scaling.tensors());
+        if self.local.has_agent_0 {
+            let shared_tensors = self.models.iter().take(1);
+            let shared_tensors = shared_tensors.flat_map(ValueModel::shared_tensors);
+            tensors.extend(shared_tensors.map(|tensor| tensor.prefixed(SHARED_OWNER)));
+            tensors.extend(self.scaling.tensors());
+        }
         tensors
     }
 
     fn initial_tensors(&self) -> Vec<Tensor<'_>> {
-        let models = self.models.iter().enumerate();
-        let tensors = models.flat_map(|(number, model)| {
+        let tensors = self.own_models().flat_map(|(number, model)| {
             let prefix = format!("model_{number}.");
             model
                 .initial_tensors()
@@ -393,23 +405,26 @@ impl Team for ValueTeam {
         Some(&mut self.replay)
     }
 
-    fn save(&self) -> Vec<u8> {
+    fn save(&self) -> SavedTeam {
         let saved = Saved {
-            models: self.models.iter().map(ValueModel::save).collect(),
             observations: self.scaling.learned(),
             steps: self.steps,
             new_transitions: self.new_transitions,
         };
-        postcard::to_stdvec(&saved).expect("plain data always serializes")
+        SavedTeam {
+            parts: self.own_models().map(|(_, model)| model.save()).collect(),
+            shared: postcard::to_stdvec(&saved).expect("plain data always serializes"),
+        }
     }
 
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
+    fn restore(&mut self, saved: &SavedTeam) -> Result<(), String> {
+        let models = &saved.parts;
         let saved: Saved<Standardizer> =
-            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
-        if saved.models.len() != self.models.len() {
+            postcard::from_bytes(&saved.shared).map_err(|error| error.to_string())?;
+        if models.len() != self.models.len() {
             return Err("the checkpoint is of a team with other models".to_owned());
         }
-        for (model, bytes) in self.models.iter_mut().zip(&saved.models) {
+        for (model, bytes) in self.models.iter_mut().zip(models) {
             model.restore(bytes)?;
         }
         self.scaling.restore(saved.observations)?;

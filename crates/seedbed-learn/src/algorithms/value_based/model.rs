@@ -200,6 +200,11 @@ impl ValueModel {
         }
     }
 
+    /// The number of the model in its team, from 0.
+    pub(super) fn number(&self) -> usize {
+        self.perturbation.model as usize
+    }
+
     /// Takes the configured number of gradient steps, or none as long as the replay buffer has
     /// fewer transitions than a minibatch.
     pub fn learn(&mut self, context: &LearningContext<'_>) {

@@ -75,11 +75,21 @@ fn team_of(agents: u32, sigma: f64) -> TeamConfig {
 }
 
 fn team(composition: Composition, agents: u32, sigma: f64) -> ValueTeam {
+    team_in_process(composition, agents, sigma, None)
+}
+
+fn team_in_process(
+    composition: Composition,
+    agents: u32,
+    sigma: f64,
+    local_agents: Option<(u32, u32)>,
+) -> ValueTeam {
     let mut team = ValueTeam::new(
         composition,
         &TeamContext {
             run_seed: 3,
             config: &team_of(agents, sigma),
+            local_agents,
             spec: &spec(),
             timing: LearningTiming::AfterEpisodes,
             record_advantages: false,
@@ -327,7 +337,49 @@ fn a_restored_team_continues_with_the_same_bits() {
         }
         assert_eq!(original.save(), restored.save());
         assert_eq!(original.replay, restored.replay);
-        assert!(restored.restore(&[7]).is_err());
+        let (saved, other) = (original.save(), SavedTeam::default());
+        let without_models = SavedTeam {
+            parts: Vec::new(),
+            ..saved
+        };
+        assert!(restored.restore(&without_models).is_err());
+        assert!(restored.restore(&other).is_err());
+    }
+}
+
+/// Agents 0 and 1 in one process, 2 to 4 in another, as in one process: each process trains the models
+/// of its agents, and passes on those that no process before it does. With more models than agents, the
+/// last process has the rest.
+#[test]
+fn processes_have_the_bits_of_a_team_in_one() {
+    for models in [2, 5, 7] {
+        let bootstrapped = BootstrappedDqn {
+            models: ranged_count(models),
+            learning: learning(),
+            ..BootstrappedDqn::default()
+        };
+        let ensemble = SeedTd {
+            models: Models::Ensemble {
+                most: ranged_count(models),
+            },
+            learning: learning(),
+            ..SeedTd::default()
+        };
+        for composition in [bootstrapped.compose(5), ensemble.compose(5)] {
+            let [mut whole, mut first, mut second] = [None, Some((0, 2)), Some((2, 5))]
+                .map(|local| team_in_process(composition.clone(), 5, 0.1, local));
+            for team in [&mut whole, &mut first, &mut second] {
+                learn(team, 3);
+            }
+            let [whole, first, second] = [&whole, &first, &second].map(Team::save);
+            assert_eq!(
+                whole.parts,
+                [first.parts, second.parts].concat(),
+                "{models}"
+            );
+            assert_eq!(whole.shared, first.shared);
+            assert_eq!(whole.shared, second.shared);
+        }
     }
 }
 
@@ -416,6 +468,7 @@ fn models_with_the_same_initial_parameters_have_the_same_values() {
         let context = TeamContext {
             run_seed: 3,
             config: &team_config,
+            local_agents: None,
             spec: &spec(),
             timing: LearningTiming::AfterEpisodes,
             record_advantages: false,
