@@ -13,7 +13,7 @@ use seedbed::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer
 use seedbed::record::{Attempt, RecorderFactory};
 use seedbed::run::file_lock::FileLock;
 use seedbed::run::folder::{Contents, RunFolder};
-use seedbed::run::ranks::{Ranks, exchanged};
+use seedbed::run::ranks::{Exchanged, Ranks, exchanged};
 use seedbed::run::{Observer, Options, RunError};
 use seedbed::study::experiment::{self, Experiment, RunEnding, RunReport};
 use seedbed::text::shell_word;
@@ -39,6 +39,7 @@ fn follow(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
     let stop_requests = StopRequests::listen_silently();
     let interrupted = stop_requests.flag();
     experiment.run_in_folder(&options, None, &mut NoProgress, interrupted)?;
+    let _own_part = exchanged(ranks);
     Ok(())
 }
 
@@ -115,7 +116,10 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
     let interrupted = stop_requests.flag();
     let ending = experiment.run_in_folder(&options, recorder_factory, &mut *observer, interrupted);
     drop((observer, stop_requests));
-    match ending.map_err(|error| with_resume_hint(error, args, &options.folder))? {
+    let ending = ending.map_err(|error| with_resume_hint(error, args, &options.folder))?;
+    let seconds = started.elapsed().as_secs_f64();
+    let exchanged = exchanged(ranks);
+    match ending {
         RunEnding::Interrupted { after, can_resume } => Err(interruption_error(
             &after,
             can_resume,
@@ -128,8 +132,8 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
                 CliError::Runtime(format!("the run is finished, but seedbed {error}"))
             })?;
             if !args.quiet {
-                let seconds = started.elapsed().as_secs_f64();
                 print_report(args, &*experiment, &report, &options, seconds);
+                print_exchanged(&exchanged, seconds);
             }
             Ok(())
         }
@@ -351,9 +355,6 @@ fn print_report(
     for (label, text) in &report.lines {
         say!("{label:<10} {text}");
     }
-    if !options.ranks.is_single() {
-        print_exchanged(options.ranks, seconds);
-    }
     let path = options.folder.recording_file();
     if path.is_file() {
         say!(
@@ -367,15 +368,28 @@ fn print_report(
     }
 }
 
-/// What the exchange between ranks has cost.
-fn print_exchanged(ranks: Ranks, seconds: f64) {
-    let exchanged = exchanged();
+/// What the exchange between ranks has cost, if there are several.
+fn print_exchanged(exchanged: &[Exchanged], seconds: f64) {
+    let [first, others @ ..] = exchanged else {
+        return;
+    };
+    if others.is_empty() {
+        return;
+    }
+    let mean =
+        |value: fn(&Exchanged) -> f64| others.iter().map(value).sum::<f64>() / others.len() as f64;
+    let bytes = mean(|rank| rank.bytes as f64);
     say!(
-        "exchange   {} ranks: rank 0 received {} and spent {:.0} % of the time in MPI, waiting for others \
-         included",
-        ranks.count(),
-        indicatif::HumanBytes(exchanged.bytes),
-        100.0 * exchanged.seconds / seconds
+        "exchange   rank 0 received {}, in {:.2} s, and waited {:.0} % of the time for others",
+        indicatif::HumanBytes(first.bytes),
+        first.seconds,
+        100.0 * first.seconds_waited / seconds
+    );
+    say!(
+        "           other ranks received {}, in {:.2} s, and waited {:.0} % of the time (means)",
+        indicatif::HumanBytes(bytes as u64),
+        mean(|rank| rank.seconds),
+        100.0 * mean(|rank| rank.seconds_waited) / seconds
     );
 }
 

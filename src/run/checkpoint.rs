@@ -48,7 +48,7 @@ pub struct CheckpointError {
 
 const FORMAT: Format = Format {
     kind: *b"ckpt",
-    version: 10,
+    version: 11,
 };
 
 impl CheckpointWriter {

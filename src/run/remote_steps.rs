@@ -18,21 +18,9 @@ pub(super) struct PlayedSteps {
     steps: u32,
     /// Whether all agents of the rank have played their episodes of the round.
     is_over: bool,
-    /// New parts of episodes, in (agent, episode) order.
-    parts: Vec<EpisodePart>,
-}
-
-/// Consecutive steps of an episode.
-#[derive(Serialize, Deserialize)]
-struct EpisodePart {
-    agent: u32,
-    episode: u32,
-    round: u32,
-    observations: Vec<f32>,
-    actions: Vec<f32>,
-    rewards: Vec<f32>,
-    log_probs: Vec<f32>,
-    outcome: Status,
+    /// New parts of episodes, in (agent, episode) order. A part has the first observation only if it
+    /// begins with the first step.
+    parts: Vec<Episode>,
 }
 
 impl PlayedSteps {
@@ -51,31 +39,29 @@ impl PlayedSteps {
         let episodes = agent.finished.iter().skip(first_episode).chain(playing);
         for episode in episodes {
             if episode.length() > first_step {
-                self.parts.push(EpisodePart::after(episode, first_step));
+                self.parts.push(part_after(episode, first_step));
             }
             first_step = 0;
         }
     }
 }
 
-impl EpisodePart {
-    /// The steps of an episode from number `step` on.
-    fn after(episode: &Episode, step: usize) -> Self {
-        let length = episode.length();
-        let observation_width = episode.observations.len() / (length + 1);
-        let action_width = episode.actions.len() / length;
-        // The observation after the step before is there already.
-        let first_row = if step == 0 { 0 } else { step + 1 };
-        Self {
-            agent: episode.agent,
-            episode: episode.episode,
-            round: episode.round,
-            observations: episode.observations[first_row * observation_width..].to_vec(),
-            actions: episode.actions[step * action_width..].to_vec(),
-            rewards: episode.rewards[step..].to_vec(),
-            log_probs: episode.log_probs[step * action_width..].to_vec(),
-            outcome: episode.outcome,
-        }
+/// The steps of an episode from number `step` on.
+fn part_after(episode: &Episode, step: usize) -> Episode {
+    let length = episode.length();
+    let observation_width = episode.observations.len() / (length + 1);
+    let action_width = episode.actions.len() / length;
+    // The observation after the step before is there already.
+    let first_row = if step == 0 { 0 } else { step + 1 };
+    Episode {
+        agent: episode.agent,
+        episode: episode.episode,
+        round: episode.round,
+        observations: episode.observations[first_row * observation_width..].to_vec(),
+        actions: episode.actions[step * action_width..].to_vec(),
+        rewards: episode.rewards[step..].to_vec(),
+        log_probs: episode.log_probs[step * action_width..].to_vec(),
+        outcome: episode.outcome,
     }
 }
 
@@ -92,7 +78,7 @@ struct RemoteAgent {
 }
 
 impl RemoteRound {
-    fn add(&mut self, parts: Vec<EpisodePart>) {
+    fn add(&mut self, parts: Vec<Episode>) {
         for part in parts {
             let index = self
                 .agents
@@ -127,22 +113,18 @@ impl RemoteAgent {
         }
     }
 
-    fn add(&mut self, part: EpisodePart) {
-        let mut episode = self.playing.take().unwrap_or_else(|| Episode {
-            agent: part.agent,
-            episode: part.episode,
-            round: part.round,
-            observations: Vec::new(),
-            actions: Vec::new(),
-            rewards: Vec::new(),
-            log_probs: Vec::new(),
-            outcome: Status::Running,
-        });
-        episode.observations.extend(part.observations);
-        episode.actions.extend(part.actions);
-        episode.rewards.extend(part.rewards);
-        episode.log_probs.extend(part.log_probs);
-        episode.outcome = part.outcome;
+    fn add(&mut self, part: Episode) {
+        let episode = match self.playing.take() {
+            None => part,
+            Some(mut episode) => {
+                episode.observations.extend(part.observations);
+                episode.actions.extend(part.actions);
+                episode.rewards.extend(part.rewards);
+                episode.log_probs.extend(part.log_probs);
+                episode.outcome = part.outcome;
+                episode
+            }
+        };
         if episode.outcome == Status::Running {
             self.playing = Some(episode);
         } else {

@@ -3,6 +3,7 @@
 //! Episodes are ordered by simulated time and agent and never depend on the timing of threads.
 //! Agents that learn from single transitions share them in a [`replay`] buffer.
 
+mod float_bytes;
 pub mod replay;
 
 use serde::{Deserialize, Serialize};
@@ -21,13 +22,17 @@ pub struct Episode {
     pub round: u32,
     /// Row t is the observation before action t; the last row is the observation at the end:
     /// `[(T+1) × observation width]`.
+    #[serde(with = "float_bytes")]
     pub observations: Vec<f32>,
     /// Row t is action t; a discrete action is the index of its value: `[T × action width]`.
+    #[serde(with = "float_bytes")]
     pub actions: Vec<f32>,
     /// Entry t is `R_{t+1}`, the reward of the environment, without seeds and bonuses: `[T]`.
+    #[serde(with = "float_bytes")]
     pub rewards: Vec<f32>,
     /// log π(aₜ|sₜ) of each component of each action, under the policy that acted; their sum is the
     /// log-probability of the action: `[T × action width]`.
+    #[serde(with = "float_bytes")]
     pub log_probs: Vec<f32>,
     /// How the episode ended: [`Status::Terminated`] or [`Status::Truncated`]; [`Status::Running`]
     /// before its end.

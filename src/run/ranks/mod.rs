@@ -15,8 +15,8 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 /// The number of this process and the number of all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -149,32 +149,50 @@ impl Ranks {
     }
 }
 
-/// What this process has exchanged with other ranks.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What a rank has exchanged with others.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Exchanged {
     /// Number of bytes that it has received.
     pub bytes: u64,
-    /// Time in exchanges, with the time in which it waited for others, seconds.
+    /// Time in which it sent and received, seconds.
     pub seconds: f64,
+    /// Time before that in which it waited for others, seconds.
+    pub seconds_waited: f64,
 }
 
 static RECEIVED_BYTES: AtomicU64 = AtomicU64::new(0);
+/// Time in exchanges, and the part of it in which this rank waited for others.
 static NANOSECONDS: AtomicU64 = AtomicU64::new(0);
+static NANOSECONDS_WAITED: AtomicU64 = AtomicU64::new(0);
 
-/// What this process has exchanged so far.
+/// What each rank has exchanged so far, on rank 0; that of the rank itself on others. All ranks must
+/// call it.
 #[must_use]
-pub fn exchanged() -> Exchanged {
-    Exchanged {
+pub fn exchanged(ranks: Ranks) -> Vec<Exchanged> {
+    let seconds = |total: &AtomicU64| total.load(Ordering::Relaxed) as f64 * 1e-9;
+    let waited = seconds(&NANOSECONDS_WAITED);
+    ranks.gather(Exchanged {
         bytes: RECEIVED_BYTES.load(Ordering::Relaxed),
-        seconds: NANOSECONDS.load(Ordering::Relaxed) as f64 * 1e-9,
-    }
+        seconds: seconds(&NANOSECONDS) - waited,
+        seconds_waited: waited,
+    })
 }
 
 /// Adds the time of an exchange to what [`exchanged`] tells.
 fn measured<R>(exchange: impl FnOnce() -> R) -> R {
+    timed(&NANOSECONDS, exchange)
+}
+
+/// The same for the first call of an exchange, which all ranks make before they send anything long.
+#[cfg(feature = "mpi")]
+fn waiting<R>(call: impl FnOnce() -> R) -> R {
+    timed(&NANOSECONDS_WAITED, call)
+}
+
+fn timed<R>(total: &AtomicU64, call: impl FnOnce() -> R) -> R {
     let start = Instant::now();
-    let result = exchange();
-    NANOSECONDS.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
+    let result = call();
+    total.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
     result
 }
 

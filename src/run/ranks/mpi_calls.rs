@@ -9,7 +9,7 @@ use mpi::request::{WaitGuard, scope};
 use mpi::topology::{Communicator, SimpleCommunicator};
 use mpi::traits::Root;
 
-use super::Ranks;
+use super::{Ranks, waiting};
 
 /// Largest number of bytes in one message.
 const MAX_PIECE: usize = 1 << 30;
@@ -110,7 +110,7 @@ pub(super) fn gather(bytes: &[u8]) -> Option<Vec<Vec<u8>>> {
 /// The list of rank 0, `None` on rank 0 itself.
 pub(super) fn broadcast(bytes: Option<Vec<u8>>) -> Option<Vec<u8>> {
     let mut length = bytes.as_ref().map_or(0, Vec::len) as u64;
-    world().process_at_rank(0).broadcast_into(&mut length);
+    waiting(|| world().process_at_rank(0).broadcast_into(&mut length));
     let is_root = bytes.is_some();
     let mut list = bytes.unwrap_or_else(|| vec![0; length as usize]);
     broadcast_pieces(0, &mut list);
@@ -124,7 +124,7 @@ pub(super) fn exchange(sent: &[Vec<u8>]) -> Vec<Vec<u8>> {
     let (rank, count) = (world.rank() as usize, sent.len());
     let lengths_sent: Vec<u64> = sent.iter().map(|list| list.len() as u64).collect();
     let mut lengths = vec![0_u64; count];
-    world.all_to_all_into(&lengths_sent[..], &mut lengths[..]);
+    waiting(|| world.all_to_all_into(&lengths_sent[..], &mut lengths[..]));
     let mut received: Vec<Vec<u8>> = vec![Vec::new(); count];
     received[rank].clone_from(&sent[rank]);
     for step in 1..count {
@@ -145,7 +145,7 @@ pub(super) fn exchange(sent: &[Vec<u8>]) -> Vec<Vec<u8>> {
 
 fn all_lengths(bytes: &[u8]) -> Vec<usize> {
     let mut lengths = vec![0_u64; world().size() as usize];
-    world().all_gather_into(&(bytes.len() as u64), &mut lengths[..]);
+    waiting(|| world().all_gather_into(&(bytes.len() as u64), &mut lengths[..]));
     lengths.into_iter().map(|length| length as usize).collect()
 }
 
