@@ -10,7 +10,7 @@
 mod agreement;
 mod asynchronous;
 pub mod checkpoint;
-mod checkpoint_schedule;
+pub(crate) mod checkpoint_schedule;
 pub mod checksums;
 mod episode_slots;
 pub mod evaluate;
@@ -26,7 +26,7 @@ mod replay_file;
 pub mod review;
 pub mod rollout;
 mod round_recorder;
-mod sealed;
+pub(crate) mod sealed;
 pub mod shared_world;
 pub mod summary;
 pub mod trainer;
