@@ -397,8 +397,10 @@ struct Contents {
 /// Why a checkpoint is not used.
 #[derive(Debug, thiserror::Error)]
 enum Damage {
-    #[error(transparent)]
+    #[error("cannot be read: {0}")]
     Unreadable(#[from] io::Error),
+    #[error("is damaged: it has no beginning")]
+    TooShort,
     #[error(transparent)]
     Seal(#[from] SealError),
     #[error("is damaged: {0}")]
@@ -488,7 +490,11 @@ impl RunIdentity {
 /// Reads the beginning of a checkpoint: its bytes, and what they say.
 fn read_head(file: &mut impl Read) -> Result<(Vec<u8>, Head), Damage> {
     let mut length = [0; 4];
-    file.read_exact(&mut length)?;
+    let complete = file.read_exact(&mut length);
+    complete.map_err(|error| match error.kind() {
+        ErrorKind::UnexpectedEof => Damage::TooShort,
+        _ => error.into(),
+    })?;
     let mut bytes = length.to_vec();
     file.take(u32::from_le_bytes(length).into())
         .read_to_end(&mut bytes)?;
@@ -520,5 +526,102 @@ pub(super) fn remove(path: &Path) {
     // A failing call would be one more that changes files.
     if path.exists() {
         let _ = fs::remove_file(path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+    use crate::run::Plan;
+
+    const WINDOWS: [u32; 1] = [5];
+
+    /// Trains for some rounds with checkpoints after each. Returns the trainer, its measures and the
+    /// events.
+    fn train(folder: &StudyFolder, rounds: u32) -> (Trainer, MeasuredRun, Vec<String>) {
+        let overrides = ["agents.count=2", "agents.hidden=[3]"].map(str::to_owned);
+        let plan = Plan::load(Path::new("scenarios/cartpole.ron"), &overrides).unwrap();
+        let events = Mutex::new(Vec::new());
+        let notify = |event: &CheckpointEvent<'_>| events.lock().unwrap().push(event.to_string());
+        let checkpoints = RunCheckpoints::new(folder, &notify).with_min_distance(Duration::ZERO);
+        let mut checkpoint = checkpoints
+            .of_run("digest".to_owned(), 0, &WINDOWS, 1)
+            .unwrap();
+        let new_trainer = || Trainer::from_scenario(&plan.scenario, &plan.description, 1);
+        let (mut trainer, mut measured) =
+            checkpoint.resume(new_trainer).unwrap().unwrap_or_else(|| {
+                let trainer = new_trainer().unwrap();
+                let measured = MeasuredRun::begin(&trainer, 0, &WINDOWS);
+                (trainer, measured)
+            });
+        for _ in 0..rounds {
+            let rows = trainer.advance().unwrap().rows;
+            measured.add_round(&trainer, &rows);
+            checkpoint.update(&trainer, &measured, 200, false);
+        }
+        drop(checkpoint);
+        (trainer, measured, events.into_inner().unwrap())
+    }
+
+    fn path(folder: &StudyFolder) -> PathBuf {
+        folder.result_file("digest", 0).with_extension(EXTENSION)
+    }
+
+    /// Two rounds, and two more in another process, have the state of four rounds.
+    #[test]
+    fn a_run_continues_with_the_rounds_that_are_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        let [stopped, whole] = ["a", "b"].map(|name| StudyFolder::new(folder.path().join(name)));
+        train(&stopped, 2);
+        let path = path(&stopped);
+        let expected = SavedProgress {
+            episodes: 2,
+            max_episodes: 200,
+        };
+        assert_eq!(progress(&path), Some(expected));
+        let (trainer, measured, events) = train(&stopped, 2);
+        let text = format!("{}: 2 of at most 200 episodes", path.display());
+        assert_eq!(events, [text]);
+        let (whole_trainer, whole_measured, events) = train(&whole, 4);
+        assert!(events.is_empty(), "{events:?}");
+        assert!(trainer.rounds() == 4 && trainer.save() == whole_trainer.save());
+        let bytes = |measured: MeasuredRun| postcard::to_stdvec(&measured.finish()).unwrap();
+        assert!(bytes(measured) == bytes(whole_measured));
+    }
+
+    #[test]
+    fn a_change_of_any_byte_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = StudyFolder::new(folder.path());
+        train(&folder, 1);
+        let path = path(&folder);
+        let (_, Head { run, .. }) = read_head(&mut File::open(&path).unwrap()).unwrap();
+        assert!(Contents::read(&path, &run).unwrap().is_some());
+        let bytes = fs::read(&path).unwrap();
+        for position in 0..bytes.len() {
+            let mut changed = bytes.clone();
+            changed[position] ^= 1 << (position % 8);
+            fs::write(&path, &changed).unwrap();
+            assert!(Contents::read(&path, &run).is_err(), "byte {position}");
+        }
+        for length in (0..bytes.len()).step_by(7) {
+            fs::write(&path, &bytes[..length]).unwrap();
+            assert!(Contents::read(&path, &run).is_err(), "{length} bytes");
+        }
+    }
+
+    /// A file is where the folder of results should be: each write fails, and one is reported.
+    #[test]
+    fn a_checkpoint_that_cannot_be_written_is_reported_once() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("runs"), "a file").unwrap();
+        let (trainer, _, events) = train(&StudyFolder::new(folder.path()), 3);
+        assert_eq!(trainer.rounds(), 3);
+        let [event] = &events[..] else {
+            panic!("{events:?}");
+        };
+        assert!(event.starts_with("cannot write checkpoint "), "{event}");
     }
 }
