@@ -7,8 +7,8 @@
 //! | Part | Contents |
 //! |---|---|
 //! | 4 bytes | length of the head, little-endian |
-//! | head | [`Head`], sealed: which run, how far, lengths of the next two parts |
-//! | state | state of the [`Trainer`] and [`MeasuredRun`] |
+//! | head | `Head`, sealed: which run, how far, lengths of the next two parts |
+//! | state | `State`: the trainer, and what is measured so far |
 //! | transitions | of the replay buffer, if there is one |
 //! | 8 bytes | XXH64 of everything before, little-endian |
 
@@ -79,7 +79,7 @@ pub enum CheckpointEvent<'a> {
         /// What is wrong.
         reason: &'a str,
     },
-    /// A checkpoint could not be written. The one before it is kept.
+    /// A checkpoint could not be written. The run continues, and the checkpoint before it is kept.
     NotWritten {
         /// The checkpoint.
         file: &'a Path,
@@ -116,7 +116,7 @@ impl Display for CheckpointEvent<'_> {
             ),
             Self::NotWritten { file, reason } => write!(
                 formatter,
-                "cannot write checkpoint {}: {reason}; the run continues",
+                "cannot write checkpoint {}: {reason}; the one before it, if any, is kept",
                 file.display()
             ),
         }
@@ -158,14 +158,13 @@ impl<'a> RunCheckpoints<'a> {
         }
     }
 
-    /// The checkpoint of the run with this digest and run seed, which begins now. `windows`: the numbers
-    /// of first episodes of which it samples visited states; `together`: number of runs that share its
-    /// thread. `None` if the build of this program is unknown.
+    /// The checkpoint of the run with this digest, run seed and numbers of first episodes of which it
+    /// samples visited states. The run begins now. `together`: number of runs that share its thread.
+    /// `None` if the build of this program is unknown.
     pub(super) fn of_run(
         &'a self,
-        digest: String,
-        run_seed: u64,
-        windows: &[u32],
+        (digest, run_seed, windows): (String, u64, &[u32]),
+        max_episodes: u32,
         together: usize,
     ) -> Option<RunCheckpoint<'a>> {
         let path = self.folder.result_file(&digest, run_seed);
@@ -179,6 +178,7 @@ impl<'a> RunCheckpoints<'a> {
                 windows: windows.to_vec(),
             },
             schedule: CheckpointSchedule::with_share(share, self.min_distance),
+            max_episodes,
             max_loss: self.max_loss,
             saved_rounds: 0,
             is_broken: false,
@@ -227,6 +227,7 @@ struct State<M> {
 pub(super) struct RunCheckpoint<'a> {
     path: PathBuf,
     run: RunIdentity,
+    max_episodes: u32,
     schedule: CheckpointSchedule,
     max_loss: Duration,
     /// Number of rounds in the checkpoint that this process has read or written.
@@ -277,7 +278,6 @@ impl RunCheckpoint<'_> {
         &mut self,
         trainer: &Trainer,
         measured: &MeasuredRun,
-        max_episodes: u32,
         is_interrupted: bool,
     ) {
         let (rounds, start) = (trainer.rounds(), Instant::now());
@@ -291,7 +291,7 @@ impl RunCheckpoint<'_> {
         }
         let progress = SavedProgress {
             episodes: trainer.measures().episodes_per_agent() as u32,
-            max_episodes,
+            max_episodes: self.max_episodes,
         };
         match self.write(trainer, measured, progress) {
             Ok(()) => (self.saved_rounds, self.is_broken) = (rounds, false),
@@ -541,13 +541,13 @@ mod tests {
     /// Trains for some rounds with checkpoints after each. Returns the trainer, its measures and the
     /// events.
     fn train(folder: &StudyFolder, rounds: u32) -> (Trainer, MeasuredRun, Vec<String>) {
-        let overrides = ["agents.count=2", "agents.hidden=[3]"].map(str::to_owned);
+        let overrides = ["agents.count=2", "algorithm.hidden=[3]"].map(str::to_owned);
         let plan = Plan::load(Path::new("scenarios/cartpole.ron"), &overrides).unwrap();
         let events = Mutex::new(Vec::new());
         let notify = |event: &CheckpointEvent<'_>| events.lock().unwrap().push(event.to_string());
         let checkpoints = RunCheckpoints::new(folder, &notify).with_min_distance(Duration::ZERO);
         let mut checkpoint = checkpoints
-            .of_run("digest".to_owned(), 0, &WINDOWS, 1)
+            .of_run(("digest".to_owned(), 0, &WINDOWS), 200, 1)
             .unwrap();
         let new_trainer = || Trainer::from_scenario(&plan.scenario, &plan.description, 1);
         let (mut trainer, mut measured) =
@@ -559,7 +559,7 @@ mod tests {
         for _ in 0..rounds {
             let rows = trainer.advance().unwrap().rows;
             measured.add_round(&trainer, &rows);
-            checkpoint.update(&trainer, &measured, 200, false);
+            checkpoint.update(&trainer, &measured, false);
         }
         drop(checkpoint);
         (trainer, measured, events.into_inner().unwrap())
@@ -617,8 +617,9 @@ mod tests {
     fn a_checkpoint_that_cannot_be_written_is_reported_once() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("runs"), "a file").unwrap();
-        let (trainer, _, events) = train(&StudyFolder::new(folder.path()), 3);
+        let (trainer, _, mut events) = train(&StudyFolder::new(folder.path()), 3);
         assert_eq!(trainer.rounds(), 3);
+        events.retain(|event| !event.contains("cannot be read"));
         let [event] = &events[..] else {
             panic!("{events:?}");
         };

@@ -102,12 +102,8 @@ impl Experiment for Plan {
     ) -> Result<Option<RunResult>, RunError> {
         let scenario = with_defaults_except_for_learning(self.scenario.clone(), run_seed);
         let new_trainer = || Trainer::from_scenario(&scenario, &self.description, 1);
-        let request = RunRequest {
-            index: 0,
-            run_seed,
-            windows: windows.to_vec(),
-        };
-        let (mut trainer, mut run) = ActiveRun::begin(self, request, new_trainer, control, 1)?;
+        let checkpoint = own_checkpoint(self, run_seed, windows, control, 1);
+        let (mut trainer, mut run) = ActiveRun::begin(new_trainer, run_seed, windows, checkpoint)?;
         while !is_done(&trainer, &scenario, stop_rule) {
             let is_interrupted = control.is_interrupted();
             run.update_checkpoint(&trainer, is_interrupted);
@@ -178,7 +174,7 @@ fn measure_in_world(
     queue: &mut dyn RunQueue,
     control: RunControl<'_>,
 ) {
-    let mut runs: Vec<Option<ActiveRun<'_>>> = Vec::new();
+    let mut runs: Vec<Option<(RunRequest, ActiveRun<'_>)>> = Vec::new();
     runs.resize_with(world.places(), || None);
     loop {
         if !control.is_interrupted() {
@@ -187,7 +183,7 @@ fn measure_in_world(
         let Some((place, round)) = world.advance() else {
             return;
         };
-        let Some(mut run) = runs[place].take() else {
+        let Some((request, mut run)) = runs[place].take() else {
             continue;
         };
         let trainer = world.trainer(place);
@@ -195,7 +191,7 @@ fn measure_in_world(
         if round.is_err() || is_done(trainer, &plan.scenario, stop_rule) {
             let failure = round.map_err(|diverged| diverged.to_string());
             world.end(place);
-            queue.finish(&run.request, failure.map(|()| run.measured.finish()));
+            queue.finish(&request, failure.map(|()| run.measured.finish()));
             continue;
         }
         let is_interrupted = control.is_interrupted();
@@ -203,7 +199,7 @@ fn measure_in_world(
         if is_interrupted {
             world.end(place);
         } else {
-            runs[place] = Some(run);
+            runs[place] = Some((request, run));
         }
     }
 }
@@ -212,7 +208,7 @@ fn measure_in_world(
 fn take_free_places<'a>(
     plan: &Plan,
     world: &mut SharedWorld,
-    runs: &mut [Option<ActiveRun<'a>>],
+    runs: &mut [Option<(RunRequest, ActiveRun<'a>)>],
     queue: &mut dyn RunQueue,
     control: RunControl<'a>,
 ) {
@@ -221,38 +217,46 @@ fn take_free_places<'a>(
     {
         let scenario = with_defaults_except_for_learning(plan.scenario.clone(), request.run_seed);
         let new_trainer = || Ok(world.new_trainer(&scenario));
-        let begun = ActiveRun::begin(plan, request, new_trainer, control, world.places());
+        let (run_seed, windows) = (request.run_seed, &request.windows);
+        let checkpoint = own_checkpoint(plan, run_seed, windows, control, world.places());
+        let begun = ActiveRun::begin(new_trainer, run_seed, windows, checkpoint);
         let (trainer, run) = begun.unwrap_or_else(|never: Infallible| match never {});
         let place = world.begin(trainer);
-        runs[place] = Some(run);
+        runs[place] = Some((request, run));
     }
+}
+
+/// The checkpoint of a run that begins, if it keeps one. `together`: number of runs that share a
+/// thread.
+fn own_checkpoint<'a>(
+    plan: &Plan,
+    run_seed: u64,
+    windows: &[u32],
+    control: RunControl<'a>,
+    together: usize,
+) -> Option<RunCheckpoint<'a>> {
+    let checkpoints = control.checkpoints?;
+    let identity = (plan.digest(), run_seed, windows);
+    checkpoints.of_run(identity, plan.scenario.max_episodes(), together)
 }
 
 /// A run that is being measured. Its trainer is elsewhere.
 struct ActiveRun<'a> {
-    request: RunRequest,
     measured: MeasuredRun,
     checkpoint: Option<RunCheckpoint<'a>>,
-    max_episodes: u32,
 }
 
 impl<'a> ActiveRun<'a> {
-    /// Begins a run, or continues it from its checkpoint. `together`: number of runs that share a
-    /// thread.
+    /// Begins a run, or continues it from its checkpoint.
     ///
     /// # Errors
     /// If the trainer cannot be built.
     fn begin<E>(
-        plan: &Plan,
-        request: RunRequest,
         new_trainer: impl Fn() -> Result<Trainer, E>,
-        control: RunControl<'a>,
-        together: usize,
+        run_seed: u64,
+        windows: &[u32],
+        mut checkpoint: Option<RunCheckpoint<'a>>,
     ) -> Result<(Trainer, Self), E> {
-        let (run_seed, windows) = (request.run_seed, &request.windows);
-        let mut checkpoint = control
-            .checkpoints
-            .and_then(|all| all.of_run(plan.digest(), run_seed, windows, together));
         let resumed = match &mut checkpoint {
             Some(checkpoint) => checkpoint.resume(&new_trainer)?,
             None => None,
@@ -265,10 +269,8 @@ impl<'a> ActiveRun<'a> {
             (trainer, measured)
         };
         let run = Self {
-            request,
             measured,
             checkpoint,
-            max_episodes: plan.scenario.max_episodes(),
         };
         Ok((trainer, run))
     }
@@ -276,7 +278,7 @@ impl<'a> ActiveRun<'a> {
     /// See [`RunCheckpoint::update`].
     fn update_checkpoint(&mut self, trainer: &Trainer, is_interrupted: bool) {
         if let Some(checkpoint) = &mut self.checkpoint {
-            checkpoint.update(trainer, &self.measured, self.max_episodes, is_interrupted);
+            checkpoint.update(trainer, &self.measured, is_interrupted);
         }
     }
 }
