@@ -427,6 +427,10 @@ struct StudyArgs {
     /// Abort the process when N runs are finished, as a crash would: for tests
     #[arg(long, value_name = "N", hide = true)]
     abort_after_runs: Option<usize>,
+    /// Write checkpoints of runs as often as this minimum time in milliseconds allows, and at every
+    /// interruption: for tests
+    #[arg(long, value_name = "MS", hide = true)]
+    checkpoint_distance: Option<u64>,
 }
 
 #[derive(Debug, Args)]

@@ -193,6 +193,14 @@ impl StudyProgress {
         }
     }
 
+    /// Prints a line.
+    pub(super) fn print(&self, line: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| note!("{line}")),
+            None => note!("{line}"),
+        }
+    }
+
     fn show(&self) {
         if let Some(bar) = &self.bar {
             bar.set_position((BAR_STEPS as f64 * self.finished_share()) as u64);

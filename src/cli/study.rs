@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
 
@@ -14,9 +14,11 @@ use super::{
 };
 use seedbed::run::file_lock::FileLock;
 use seedbed::run::thread_count;
+use seedbed::study::experiment::RunControl;
 use seedbed::study::plan::{PlannedRun, StudyPlan};
 use seedbed::study::power::powers;
 use seedbed::study::registration::{Lock, RegistrationError};
+use seedbed::study::run_checkpoint::{CheckpointEvent, RunCheckpoints};
 use seedbed::study::run_marks::RunMark;
 use seedbed::study::runner;
 use seedbed::study::shard::Shard;
@@ -273,17 +275,32 @@ fn print_runs(plan: &StudyPlan, folder: &StudyFolder) {
             RunState::Finished => ("finished", None),
             RunState::Failed => ("failed", None),
             RunState::Running(mark) => ("running", Some(mark)),
-            RunState::Interrupted(mark) => ("interrupted", Some(mark)),
+            RunState::Interrupted(mark) => ("interrupted", mark),
             RunState::Damaged => ("damaged", None),
             RunState::ToRun => ("to run", None),
         };
+        let saved = match state {
+            "running" | "interrupted" => folder.saved_progress(&run),
+            _ => None,
+        };
+        let saved = saved.map(|progress| format!("{progress} saved"));
+        let mark = mark.map(|mark| describe_mark(&mark));
+        let details: Vec<String> = saved.into_iter().chain(mark).collect();
         say!(
             "{:>6}  {state:<11}  {:<15}  {}{}",
             run.index,
             run.label(),
             run.cell.name,
-            mark.map_or_else(String::new, |mark| format!("  ({})", describe_mark(&mark)))
+            in_parentheses(&details.join("; "))
         );
+    }
+}
+
+fn in_parentheses(details: &str) -> String {
+    if details.is_empty() {
+        String::new()
+    } else {
+        format!("  ({details})")
     }
 }
 
@@ -330,6 +347,7 @@ fn run_one(
     folder
         .write_manifest(plan)
         .map_err(|error| CliError::Runtime(error.to_string()))?;
+    folder.remove_checkpoints_of_finished(&[*run]);
     let file = folder.result_file(&run.cell.digest, run.run_seed);
     let was_stored = folder
         .stored_run(run)
@@ -365,6 +383,7 @@ fn run_shard(
         .write_manifest(plan)
         .map_err(|error| CliError::Runtime(error.to_string()))?;
     let runs = shard.runs_of(&plan.distinct_runs());
+    folder.remove_checkpoints_of_finished(&runs);
     let mut missing = runs.clone();
     missing.retain(|run| {
         let stored = folder.stored_run(run);
@@ -432,7 +451,8 @@ fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<u
             break;
         }
     }
-    folder.remove_marks();
+    folder.remove_checkpoints_of_finished(&plan.distinct_runs());
+    folder.remove_leftovers();
     report::write_and_print(folder)
 }
 
@@ -633,7 +653,24 @@ fn execute_runs(
             std::process::abort();
         }
     };
-    let result = runner::run(runs, folder, jobs(args), stop, &report_finished);
+    let notify = |event: &CheckpointEvent<'_>| {
+        let label = if event.is_warning() {
+            "warning: "
+        } else {
+            "resumed    "
+        };
+        let progress = progress.lock().expect(LOCK_IS_INTACT);
+        progress.print(&format!("{label}{event}"));
+    };
+    let mut checkpoints = RunCheckpoints::new(folder, &notify);
+    if let Some(distance) = args.checkpoint_distance {
+        checkpoints = checkpoints.with_min_distance(Duration::from_millis(distance));
+    }
+    let control = RunControl {
+        interrupted: stop,
+        checkpoints: Some(&checkpoints),
+    };
+    let result = runner::run(runs, folder, jobs(args), control, &report_finished);
     drop(progress);
     result.map_err(|error| CliError::Runtime(format!("cannot write {error}")))?;
     if stop.load(Ordering::Relaxed) {

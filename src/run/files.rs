@@ -137,6 +137,9 @@ pub fn sync_folder_of(path: &Path) -> Result<()> {
         .map_or(Ok(()), |folder| File::open(folder)?.sync_all())
 }
 
+/// End of the name of a file that is not complete yet.
+pub(crate) const PART_SUFFIX: &str = ".part";
+
 /// An empty file in the same folder, which is created if necessary. It has the permissions of any new
 /// file, and is deleted unless it is renamed.
 fn temporary_file_beside(path: &Path) -> Result<NamedTempFile> {
@@ -146,9 +149,9 @@ fn temporary_file_beside(path: &Path) -> Result<NamedTempFile> {
     let folder = folder.unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let (prefix, suffix) = (format!("{name}."), ".part");
+    let prefix = format!("{name}.");
     let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(suffix);
+    builder.prefix(&prefix).suffix(PART_SUFFIX);
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(folder)

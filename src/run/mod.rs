@@ -12,7 +12,7 @@
 mod agreement;
 mod asynchronous;
 pub mod checkpoint;
-mod checkpoint_schedule;
+pub(crate) mod checkpoint_schedule;
 pub mod checksums;
 mod episode_slots;
 pub mod evaluate;
@@ -30,7 +30,7 @@ mod replay_file;
 pub mod review;
 pub mod rollout;
 mod round_recorder;
-mod sealed;
+pub(crate) mod sealed;
 mod shared_episodes;
 pub mod shared_world;
 pub mod summary;

@@ -19,16 +19,16 @@ const HEADER_LENGTH: usize = 32;
 
 /// Kind and version of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Format {
+pub(crate) struct Format {
     /// Four letters that name the kind.
-    pub(super) kind: [u8; 4],
+    pub(crate) kind: [u8; 4],
     /// Version of the contents that this program writes and reads.
-    pub(super) version: u32,
+    pub(crate) version: u32,
 }
 
 /// Why contents cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub(super) enum SealError {
+pub(crate) enum SealError {
     /// The file does not begin with the header of this kind.
     #[error("has another format: it was not written by this version of seedbed")]
     OtherKind,
@@ -54,7 +54,7 @@ pub(super) enum SealError {
 }
 
 /// The bytes of a file with these contents.
-pub(super) fn seal(format: Format, contents: &[u8]) -> Vec<u8> {
+pub(crate) fn seal(format: Format, contents: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(HEADER_LENGTH + contents.len());
     bytes.extend(MAGIC);
     bytes.extend(format.kind);
@@ -70,7 +70,7 @@ pub(super) fn seal(format: Format, contents: &[u8]) -> Vec<u8> {
 ///
 /// # Errors
 /// The file is of another kind or version, or damaged.
-pub(super) fn unseal(format: Format, bytes: &[u8]) -> Result<&[u8], SealError> {
+pub(crate) fn unseal(format: Format, bytes: &[u8]) -> Result<&[u8], SealError> {
     let Some((header, contents)) = bytes.split_first_chunk::<HEADER_LENGTH>() else {
         return Err(if bytes.starts_with(MAGIC) {
             length_error(bytes.len(), HEADER_LENGTH as u64)

@@ -73,16 +73,22 @@ impl SharedWorld {
         self.places.iter().any(Option::is_none)
     }
 
-    /// Begins a run of the scenario, which may differ from the others in its run seed, and returns
-    /// its place.
+    /// The trainer of a run of the scenario, which may differ from the others in its run seed.
+    #[must_use]
+    pub fn new_trainer(&self, scenario: &Scenario) -> Trainer {
+        Trainer::in_shared_world(scenario, self.environment.spec())
+    }
+
+    /// Begins or continues the run of a [new](Self::new_trainer) or restored trainer, and returns its
+    /// place.
     ///
     /// # Panics
     /// If there is no free place.
-    pub fn begin(&mut self, scenario: &Scenario) -> usize {
+    pub fn begin(&mut self, trainer: Trainer) -> usize {
         let free_place = self.places.iter().position(Option::is_none);
         let place = free_place.expect("a place is free");
         self.places[place] = Some(RunInWorld {
-            trainer: Trainer::in_shared_world(scenario, self.environment.spec()),
+            trainer,
             round: None,
         });
         place

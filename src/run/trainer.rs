@@ -704,6 +704,11 @@ impl Trainer {
 
     fn restore_copies(&mut self, saved: &[Vec<u8>]) -> Result<(), String> {
         let count = self.agent_count();
+        let is_elsewhere = saved.is_empty() || self.groups.is_empty();
+        if is_elsewhere && !matches!(self.settings.schedule, Schedule::Asynchronous { .. }) {
+            // A shared world owns the copies, and every round resets them.
+            return Ok(());
+        }
         if saved.len() != count {
             return Err(format!("it has {} copies; expected {count}", saved.len()));
         }

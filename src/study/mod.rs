@@ -2,7 +2,8 @@
 //!
 //! A study [`mod@file`] with its [`figure`]s is read into a [`plan`] of [`experiment`]s. The
 //! [`runner`] runs what is still missing, and the [`store`] keeps each result. On clusters, [`shard`]s divide the runs
-//! among processes, [`run_marks`] say who executes a run, and [`mod@merge`] unites the results. Cells may also have results
+//! among processes, [`run_marks`] say who executes a run, [`run_checkpoint`]s let another process continue it, and
+//! [`mod@merge`] unites the results. Cells may also have results
 //! that others made ([`external`]); [`run_source`] is the only place that distinguishes the two. [`comparison`] and
 //! [`claims`] evaluate the [`results`], [`cost`] says what they took, [`gate`] whether the task is one
 //! of exploration, and the [`report`] presents them. The unit of all
@@ -30,6 +31,7 @@ pub mod registration;
 pub mod report;
 pub mod result_file;
 pub mod results;
+pub mod run_checkpoint;
 pub mod run_marks;
 pub mod run_result;
 pub mod run_source;

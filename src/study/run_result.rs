@@ -78,7 +78,7 @@ pub struct VisitedStates {
 
 impl RunResult {
     /// The result of a training run that begins.
-    pub(super) fn begin(trainer: &Trainer) -> Self {
+    fn begin(trainer: &Trainer) -> Self {
         Self {
             returns: vec![Vec::new(); trainer.agent_count()],
             threshold: trainer
@@ -90,7 +90,7 @@ impl RunResult {
     }
 
     /// Adds a round that the trainer has just finished.
-    pub(super) fn add_round(&mut self, trainer: &Trainer, rows: &RoundRows) {
+    fn add_round(&mut self, trainer: &Trainer, rows: &RoundRows) {
         for row in &rows.episodes {
             self.returns[row.agent as usize].push(row.r#return as f32);
         }
@@ -209,7 +209,41 @@ impl RunResult {
     }
 }
 
+/// What is measured of a training run that is not finished.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct MeasuredRun {
+    result: RunResult,
+    reservoir: Reservoir,
+}
+
+impl MeasuredRun {
+    /// The measures of a run that begins. `windows`: see [`Reservoir::new`].
+    pub(super) fn begin(trainer: &Trainer, run_seed: u64, windows: &[u32]) -> Self {
+        Self {
+            result: RunResult::begin(trainer),
+            reservoir: Reservoir::new(run_seed, windows),
+        }
+    }
+
+    /// Adds a round that the trainer has just finished.
+    pub(super) fn add_round(&mut self, trainer: &Trainer, rows: &RoundRows) {
+        self.result.add_round(trainer, rows);
+        for episode in trainer.newest_episodes() {
+            self.reservoir.add_episode(episode);
+        }
+    }
+
+    /// The result of the run, which has ended.
+    pub(super) fn finish(self) -> RunResult {
+        RunResult {
+            states: self.reservoir.into_samples(),
+            ..self.result
+        }
+    }
+}
+
 /// Keeps uniform samples of states during a run.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Reservoir {
     /// The sample of each window. Each has its own random stream, so that it does not depend on the
     /// other windows.
@@ -250,7 +284,7 @@ impl Reservoir {
     }
 
     /// Adds the states of an episode, with the one in which it ended.
-    pub(super) fn add_episode(&mut self, episode: &Episode) {
+    fn add_episode(&mut self, episode: &Episode) {
         let width = episode.observations.len() / (episode.length() + 1);
         for state in episode.observations.chunks_exact(width) {
             self.add(episode.agent, episode.episode, state);

@@ -2,9 +2,8 @@
 //! other module distinguishes the two.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::experiment::{Experiment, RunQueue, StopRule};
+use super::experiment::{Experiment, RunControl, RunQueue, StopRule};
 use super::external::ExternalRuns;
 use super::measure::Measure;
 use super::run_result::RunResult;
@@ -122,11 +121,11 @@ impl RunSource {
         &self,
         run_seed: u64,
         windows: &[u32],
-        interrupted: &AtomicBool,
+        control: RunControl<'_>,
     ) -> Result<Option<RunResult>, String> {
         match self {
             Self::Experiment(experiment) => experiment
-                .measure_once(run_seed, StopRule::Scenario, windows, interrupted)
+                .measure_once(run_seed, StopRule::Scenario, windows, control)
                 .map_err(|error| error.to_string()),
             Self::External(runs) => {
                 let result = runs.result(run_seed).cloned();
@@ -151,15 +150,15 @@ impl RunSource {
         &self,
         places: usize,
         queue: &mut dyn RunQueue,
-        interrupted: &AtomicBool,
+        control: RunControl<'_>,
     ) {
         if let Self::Experiment(experiment) = self {
-            return experiment.measure_together(places, StopRule::Scenario, queue, interrupted);
+            return experiment.measure_together(places, StopRule::Scenario, queue, control);
         }
-        while !interrupted.load(Ordering::Relaxed)
+        while !control.is_interrupted()
             && let Some(request) = queue.next()
         {
-            let result = self.result(request.run_seed, &request.windows, interrupted);
+            let result = self.result(request.run_seed, &request.windows, control);
             if let Some(outcome) = result.transpose() {
                 queue.finish(&request, outcome);
             }

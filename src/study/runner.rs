@@ -6,10 +6,10 @@ use std::any::Any;
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::experiment::{RunQueue, RunRequest};
+use super::experiment::{RunControl, RunQueue, RunRequest};
 use super::plan::PlannedRun;
 use super::run_marks::RunMarks;
 use super::run_result::RunResult;
@@ -26,8 +26,8 @@ pub struct FinishedRun<'a> {
 }
 
 /// Executes `runs` on `jobs` threads, and stores each result when its run has ended. A run that
-/// fails is stored with the reason of its failure, and does not stop other runs. If `interrupted` is
-/// set, unfinished runs are stopped, and nothing of them is stored.
+/// fails is stored with the reason of its failure, and does not stop other runs. If they are
+/// interrupted, unfinished runs are stopped, and nothing of them is stored but their checkpoints.
 ///
 /// # Errors
 /// If a result cannot be stored. After such an error, no further runs are started.
@@ -35,15 +35,16 @@ pub fn run(
     runs: &[PlannedRun<'_>],
     folder: &StudyFolder,
     jobs: usize,
-    interrupted: &AtomicBool,
+    control: RunControl<'_>,
     on_finished: &(dyn Fn(&FinishedRun<'_>) + Sync),
 ) -> Result<(), StoreError> {
     let runs = runs.iter().map(|run| (run, run.windows().to_vec()));
     let marks = RunMarks::new();
     let on_begun = |run: &PlannedRun<'_>| marks.begin(folder.mark_file(run));
-    measure_all(runs, jobs, interrupted, &on_begun, &|run, outcome| {
+    measure_all(runs, jobs, control, &on_begun, &|run, outcome| {
         let stored = folder.store(run, outcome)?;
         marks.end(&folder.mark_file(run));
+        folder.remove_checkpoint(run);
         on_finished(&FinishedRun {
             run,
             failure: stored.outcome.as_ref().err().map(String::as_str),
@@ -52,8 +53,8 @@ pub fn run(
     })
 }
 
-/// Repeats stored runs, and calls `on_verified` for each run with whether its result is
-/// bit-identical. Stored results are not changed.
+/// Repeats stored runs from their beginning, and calls `on_verified` for each run with whether its
+/// result is bit-identical. Stored results are not changed.
 pub fn verify<'a>(
     runs: &'a [PlannedRun<'a>],
     folder: &StudyFolder,
@@ -76,11 +77,12 @@ pub fn verify<'a>(
         }
         Ok(())
     };
-    let never: Result<(), Infallible> = measure_all(runs, jobs, interrupted, &on_begun, &compare);
+    let control = RunControl::without_checkpoints(interrupted);
+    let never: Result<(), Infallible> = measure_all(runs, jobs, control, &on_begun, &compare);
     never.unwrap_or_else(|never| match never {});
 }
 
-/// Maximum cost of the runs that a thread measures together. An interruption loses all of them.
+/// Maximum cost of the runs that a thread measures together. A crash loses all of them.
 const MAX_COST_TOGETHER: f64 = COST_PER_MINUTE;
 
 /// Result of a run, or why it failed.
@@ -93,11 +95,11 @@ type OnBegun<'f> = &'f (dyn Fn(&PlannedRun<'_>) + Sync);
 type OnOutcome<'a, 'f, E> = &'f (dyn Fn(&'a PlannedRun<'a>, Outcome) -> Result<(), E> + Sync);
 
 /// Measures `runs`, each with its windows of episodes, on `jobs` threads, and calls `on_begun` and
-/// `on_outcome` for each, until a call fails or `interrupted` is set. Returns the first error.
+/// `on_outcome` for each, until a call fails or they are interrupted. Returns the first error.
 fn measure_all<'a, E: Send>(
     runs: impl Iterator<Item = (&'a PlannedRun<'a>, Vec<u32>)>,
     jobs: usize,
-    interrupted: &AtomicBool,
+    control: RunControl<'_>,
     on_begun: OnBegun<'_>,
     on_outcome: OnOutcome<'a, '_, E>,
 ) -> Result<(), E> {
@@ -105,7 +107,7 @@ fn measure_all<'a, E: Send>(
     let jobs = jobs.clamp(1, queue.length().max(1));
     std::thread::scope(|scope| {
         for _ in 0..jobs {
-            scope.spawn(|| queue.work_through(jobs, interrupted, on_outcome));
+            scope.spawn(|| queue.work_through(jobs, control, on_outcome));
         }
     });
     let error = queue.first_error.into_inner();
@@ -144,13 +146,8 @@ impl<'a, 'f, E: Send> SharedQueue<'a, 'f, E> {
     }
 
     /// Takes runs, and measures those of one cell together if that is faster, until none is left.
-    fn work_through(
-        &self,
-        jobs: usize,
-        interrupted: &AtomicBool,
-        on_outcome: OnOutcome<'a, '_, E>,
-    ) {
-        while !interrupted.load(Ordering::Relaxed)
+    fn work_through(&self, jobs: usize, control: RunControl<'_>, on_outcome: OnOutcome<'a, '_, E>) {
+        while !control.is_interrupted()
             && let Some(first) = self.take(None)
         {
             // At the end, the other threads get their share.
@@ -165,9 +162,9 @@ impl<'a, 'f, E: Send> SharedQueue<'a, 'f, E> {
             };
             let affordable = (MAX_COST_TOGETHER / source.cost()) as usize;
             let places = source.runs_together().min(share).min(affordable.max(1));
-            let measure = || source.measure_together(places, &mut queue, interrupted);
+            let measure = || source.measure_together(places, &mut queue, control);
             if catch_unwind(AssertUnwindSafe(measure)).is_err() {
-                queue.measure_unfinished_alone(interrupted);
+                queue.measure_unfinished_alone(control);
             }
         }
     }
@@ -227,11 +224,11 @@ impl<E: Send> RunQueue for CellQueue<'_, '_, E> {
 impl<E: Send> CellQueue<'_, '_, E> {
     /// Measures each run that was begun with others by itself, so that a panic concerns the run that
     /// causes it only.
-    fn measure_unfinished_alone(&mut self, interrupted: &AtomicBool) {
+    fn measure_unfinished_alone(&mut self, control: RunControl<'_>) {
         for (run, request) in std::mem::take(&mut self.unfinished) {
             let measure = || {
                 let source = &run.cell.source;
-                source.result(run.run_seed, &request.windows, interrupted)
+                source.result(run.run_seed, &request.windows, control)
             };
             let outcome = match catch_unwind(AssertUnwindSafe(measure)) {
                 Ok(Ok(None)) => return,

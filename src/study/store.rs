@@ -13,6 +13,7 @@ use super::file::{Claim, Study};
 use super::plan::{PlannedRun, StudyPlan};
 use super::registration::Lock;
 pub use super::result_file::StoredRun;
+use super::run_checkpoint::{self, SavedProgress};
 use super::run_marks::{self, RunMark};
 use super::run_result::RunResult;
 use crate::run::file_lock::FileLock;
@@ -35,8 +36,9 @@ pub enum RunState {
     Failed,
     /// A process executes it.
     Running(RunMark),
-    /// A process began it, and stopped or ended before it was finished.
-    Interrupted(RunMark),
+    /// A process began it, and stopped or ended before it was finished. `None` if it left nothing but a
+    /// checkpoint.
+    Interrupted(Option<RunMark>),
     /// Its result file is damaged, was edited or has another layout.
     Damaged,
     /// It was not begun, or ended within its first second.
@@ -176,10 +178,11 @@ impl StudyFolder {
             (Some(Ok(_)), _) => RunState::Finished,
             (_, Some((mark, true))) => RunState::Running(mark),
             (Some(Err(_)), _) => RunState::Failed,
-            (None, Some((mark, false))) => RunState::Interrupted(mark),
+            (None, Some((mark, false))) => RunState::Interrupted(Some(mark)),
             (None, None) if self.damaged_file(&run.cell.digest, run.run_seed).is_some() => {
                 RunState::Damaged
             }
+            (None, None) if self.saved_progress(run).is_some() => RunState::Interrupted(None),
             (None, None) => RunState::ToRun,
         }
     }
@@ -190,9 +193,38 @@ impl StudyFolder {
         result.with_extension(run_marks::EXTENSION)
     }
 
-    /// Removes the marks that processes left which ended before their runs were finished.
-    pub fn remove_marks(&self) {
+    /// Path of the checkpoint of a run that is not finished.
+    fn checkpoint_file(&self, run: &PlannedRun<'_>) -> PathBuf {
+        let result = self.result_file(&run.cell.digest, run.run_seed);
+        result.with_extension(run_checkpoint::EXTENSION)
+    }
+
+    /// How far the checkpoint of a run is; `None` if this build cannot continue from one.
+    #[must_use]
+    pub fn saved_progress(&self, run: &PlannedRun<'_>) -> Option<SavedProgress> {
+        run_checkpoint::progress(&self.checkpoint_file(run))
+    }
+
+    /// Removes the checkpoint of a run whose result is stored.
+    pub(super) fn remove_checkpoint(&self, run: &PlannedRun<'_>) {
+        run_checkpoint::remove(&self.checkpoint_file(run));
+    }
+
+    /// Removes the checkpoints that processes left of runs whose results are stored, because they were
+    /// killed in between or executed a run that another one finished.
+    pub fn remove_checkpoints_of_finished(&self, runs: &[PlannedRun<'_>]) {
+        for run in runs {
+            if self.checkpoint_file(run).exists() && self.stored_run(run).is_some() {
+                self.remove_checkpoint(run);
+            }
+        }
+    }
+
+    /// Removes what processes left which ended before their runs were finished: marks, and checkpoints
+    /// that were not completed. Of use only if no other process executes runs.
+    pub fn remove_leftovers(&self) {
         run_marks::remove_all(&self.runs_folder());
+        run_checkpoint::remove_incomplete(&self.runs_folder());
     }
 
     /// Whether there is a result file of the run, readable or not.

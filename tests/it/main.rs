@@ -27,6 +27,8 @@ mod state_files;
 #[cfg(unix)]
 mod stopping;
 mod study;
+#[cfg(unix)]
+mod study_checkpoints;
 mod tabular;
 mod util;
 mod weights;

@@ -8,7 +8,9 @@ use seedbed::env::TaskSpec;
 use seedbed::record::RecorderFactory;
 use seedbed::run::{Observer, Options, RunError};
 use seedbed::study::bench::BenchReport;
-use seedbed::study::experiment::{Experiment, RunEnding, RunQueue, RunRequest, StopRule, load};
+use seedbed::study::experiment::{
+    Experiment, RunControl, RunEnding, RunQueue, RunRequest, StopRule, load,
+};
 use seedbed::study::measure::Measure;
 use seedbed::study::plan::StudyPlan;
 use seedbed::study::run_result::RunResult;
@@ -64,7 +66,9 @@ fn results_together(
         count: runs,
         results: vec![None; runs],
     };
-    experiment.measure_together(places, rule, &mut queue, &AtomicBool::new(false));
+    let never = AtomicBool::new(false);
+    let control = RunControl::without_checkpoints(&never);
+    experiment.measure_together(places, rule, &mut queue, control);
     let results = queue.results.into_iter();
     results
         .map(|result| result.expect("all runs are finished"))
@@ -77,10 +81,11 @@ fn results_alone(
     rule: StopRule,
 ) -> Vec<Result<RunResult, String>> {
     let never = AtomicBool::new(false);
+    let control = RunControl::without_checkpoints(&never);
     (FIRST_RUN_SEED..)
         .take(runs)
         .map(|run_seed| {
-            let result = experiment.measure_once(run_seed, rule, &WINDOWS, &never);
+            let result = experiment.measure_once(run_seed, rule, &WINDOWS, control);
             result
                 .map(|result| result.expect("not interrupted"))
                 .map_err(|error| error.to_string())
@@ -174,7 +179,9 @@ fn an_interruption_finishes_no_run() {
         count: 5,
         results: vec![None; 5],
     };
-    experiment.measure_together(3, StopRule::Scenario, &mut queue, &AtomicBool::new(true));
+    let interrupted = AtomicBool::new(true);
+    let control = RunControl::without_checkpoints(&interrupted);
+    experiment.measure_together(3, StopRule::Scenario, &mut queue, control);
     assert_eq!(queue.results, vec![None; 5]);
 }
 
@@ -212,11 +219,11 @@ impl Experiment for Panicking {
         run_seed: u64,
         stop_rule: StopRule,
         windows: &[u32],
-        interrupted: &AtomicBool,
+        control: RunControl<'_>,
     ) -> Result<Option<RunResult>, RunError> {
         assert_ne!(run_seed, self.run_seed, "alone");
         self.inner
-            .measure_once(run_seed, stop_rule, windows, interrupted)
+            .measure_once(run_seed, stop_rule, windows, control)
     }
 
     fn measure_together(
@@ -224,14 +231,14 @@ impl Experiment for Panicking {
         places: usize,
         stop_rule: StopRule,
         queue: &mut dyn RunQueue,
-        interrupted: &AtomicBool,
+        control: RunControl<'_>,
     ) {
         let mut queue = PanickingQueue {
             inner: queue,
             run_seed: self.run_seed,
         };
         self.inner
-            .measure_together(places, stop_rule, &mut queue, interrupted);
+            .measure_together(places, stop_rule, &mut queue, control);
     }
 
     fn runs_together(&self) -> usize {
@@ -320,7 +327,9 @@ fn a_panic_fails_one_run_only() {
             .push((finished.run.run_seed, failure));
     };
     let runs = plan.runs();
-    runner::run(&runs, &store, 2, &AtomicBool::new(false), &on_finished).unwrap();
+    let never = AtomicBool::new(false);
+    let control = RunControl::without_checkpoints(&never);
+    runner::run(&runs, &store, 2, control, &on_finished).unwrap();
     let mut failures = failures.into_inner().unwrap();
     failures.sort();
     let seeds: Vec<u64> = failures.iter().map(|(run_seed, _)| *run_seed).collect();

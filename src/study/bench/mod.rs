@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 pub use self::regret::RegretReport;
 pub use self::solving::SolvingReport;
-use super::experiment::{Experiment, StopRule};
+use super::experiment::{Experiment, RunControl, StopRule};
 use super::measure::Measure;
 use super::run_result::{Milestone, RunResult};
 use crate::run::RunError;
@@ -145,7 +145,12 @@ impl Outcome {
         let started = Instant::now();
         let never = AtomicBool::new(false);
         let run = experiment
-            .measure_once(run_seed, stop_rule, &[], &never)?
+            .measure_once(
+                run_seed,
+                stop_rule,
+                &[],
+                RunControl::without_checkpoints(&never),
+            )?
             .expect("the run is never interrupted");
         Ok(Self::of(&run, started.elapsed().as_secs_f64()))
     }

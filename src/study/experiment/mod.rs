@@ -7,12 +7,13 @@ mod training;
 
 use std::fmt::Debug;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 pub use self::load::{LoadError, LoadStep, load};
 pub use self::training::NO_THRESHOLD;
 use super::bench::BenchReport;
 use super::measure::Measure;
+use super::run_checkpoint::RunCheckpoints;
 use super::run_result::RunResult;
 use crate::record::RecorderFactory;
 use crate::run::ranks::Ranks;
@@ -69,9 +70,9 @@ pub trait Experiment: Debug + Send + Sync {
         None
     }
 
-    /// Runs once with this run seed, on one thread and without writing files. For each number n in
-    /// `windows`, the result has a sample of the states visited in the first n episodes of each
-    /// agent. `None` if interrupted.
+    /// Runs once with this run seed, on one thread and without writing files other than its
+    /// checkpoint. For each number n in `windows`, the result has a sample of the states visited in the
+    /// first n episodes of each agent. `None` if interrupted.
     ///
     /// # Errors
     /// If the task cannot be built, or if a number is not finite.
@@ -80,7 +81,7 @@ pub trait Experiment: Debug + Send + Sync {
         run_seed: u64,
         stop_rule: StopRule,
         windows: &[u32],
-        interrupted: &AtomicBool,
+        control: RunControl<'_>,
     ) -> Result<Option<RunResult>, RunError>;
 
     /// Number of runs that take the least time if they are measured
@@ -89,17 +90,17 @@ pub trait Experiment: Debug + Send + Sync {
         1
     }
 
-    /// Measures runs of `queue`, at most `places` at once, until it is empty or `interrupted` is
-    /// set. Each result has the bits of [`measure_once`](Self::measure_once).
+    /// Measures runs of `queue`, at most `places` at once, until it is empty or they are interrupted.
+    /// Each result has the bits of [`measure_once`](Self::measure_once).
     fn measure_together(
         &self,
         places: usize,
         stop_rule: StopRule,
         queue: &mut dyn RunQueue,
-        interrupted: &AtomicBool,
+        control: RunControl<'_>,
     ) {
         let _ = places;
-        measure_one_by_one(self, stop_rule, queue, interrupted);
+        measure_one_by_one(self, stop_rule, queue, control);
     }
 
     /// Runs once with the scenario's run seed, and writes all results into a run directory. If
@@ -142,6 +143,33 @@ pub trait Experiment: Debug + Send + Sync {
     }
 }
 
+/// What stops runs, and where they keep their checkpoints.
+#[derive(Clone, Copy)]
+pub struct RunControl<'a> {
+    /// Becomes true when runs are to stop before their end.
+    pub interrupted: &'a AtomicBool,
+    /// Checkpoints from which runs continue, and which they write; `None` if each run starts from its
+    /// beginning and leaves nothing.
+    pub checkpoints: Option<&'a RunCheckpoints<'a>>,
+}
+
+impl<'a> RunControl<'a> {
+    /// Runs that have no checkpoints.
+    #[must_use]
+    pub fn without_checkpoints(interrupted: &'a AtomicBool) -> Self {
+        Self {
+            interrupted,
+            checkpoints: None,
+        }
+    }
+
+    /// Whether runs are to stop.
+    #[must_use]
+    pub fn is_interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+}
+
 /// Runs of one experiment that wait to be measured.
 pub trait RunQueue {
     /// Takes the next run; `None` if there is none.
@@ -168,11 +196,11 @@ fn measure_one_by_one<E: Experiment + ?Sized>(
     experiment: &E,
     stop_rule: StopRule,
     queue: &mut dyn RunQueue,
-    interrupted: &AtomicBool,
+    control: RunControl<'_>,
 ) {
     while let Some(request) = queue.next() {
         let (run_seed, windows) = (request.run_seed, &request.windows);
-        match experiment.measure_once(run_seed, stop_rule, windows, interrupted) {
+        match experiment.measure_once(run_seed, stop_rule, windows, control) {
             Ok(None) => return,
             Ok(Some(result)) => queue.finish(&request, Ok(result)),
             Err(error) => queue.finish(&request, Err(error.to_string())),

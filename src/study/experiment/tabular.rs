@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use xxhash_rust::xxh64::Xxh64;
 
-use super::{Experiment, RunEnding, RunReport, StopRule};
+use super::{Experiment, RunControl, RunEnding, RunReport, StopRule};
 use crate::record::RecorderFactory;
 use crate::run::measures::diversity::{Diversity, divergence};
 use crate::run::{Observer, Options, RunError};
@@ -85,15 +85,16 @@ impl Experiment for TabularPlan {
             .then(|| format!("only teams of at most {MAX_AGENTS} agents are recorded"))
     }
 
+    /// Without checkpoints: tabular runs are short.
     fn measure_once(
         &self,
         run_seed: u64,
         _: StopRule,
         windows: &[u32],
-        interrupted: &AtomicBool,
+        control: RunControl<'_>,
     ) -> Result<Option<RunResult>, RunError> {
         let scenario = with_run_seed(&self.scenario, run_seed);
-        Ok(measure_run(&scenario, windows, interrupted))
+        Ok(measure_run(&scenario, windows, control.interrupted))
     }
 
     fn run_in_folder(

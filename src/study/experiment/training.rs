@@ -1,13 +1,16 @@
 //! Training as an experiment: a team that learns in rounds.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::convert::Infallible;
+use std::sync::atomic::AtomicBool;
 
 use xxhash_rust::xxh64::Xxh64;
 
-use super::{Experiment, RunEnding, RunQueue, RunReport, RunRequest, StopRule, measure_one_by_one};
+use super::{
+    Experiment, RunControl, RunEnding, RunQueue, RunReport, RunRequest, StopRule,
+    measure_one_by_one,
+};
 use crate::record::table::TableFiles;
 use crate::record::{RecorderFactory, RecordingSettings};
-use crate::run::measures::RoundRows;
 use crate::run::ranks::Ranks;
 use crate::run::shared_world::{SharedWorld, runs_per_world};
 use crate::run::summary::{FINAL_WINDOW, Summary};
@@ -16,7 +19,8 @@ use crate::run::{self, Observer, Options, Plan, RecorderFactories, RunError, Run
 use crate::scenario::{Scenario, Schedule};
 use crate::study::bench::{BenchReport, SolvingReport};
 use crate::study::measure::{Measure, Needs};
-use crate::study::run_result::{Reservoir, RunResult};
+use crate::study::run_checkpoint::RunCheckpoint;
+use crate::study::run_result::{MeasuredRun, RunResult};
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{ranged_count, ranged_number};
@@ -95,19 +99,22 @@ impl Experiment for Plan {
         run_seed: u64,
         stop_rule: StopRule,
         windows: &[u32],
-        interrupted: &AtomicBool,
+        control: RunControl<'_>,
     ) -> Result<Option<RunResult>, RunError> {
         let scenario = with_defaults_except_for_learning(self.scenario.clone(), run_seed);
-        let mut trainer = Trainer::from_scenario(&scenario, &self.description, 1)?;
-        let mut measured = MeasuredRun::begin(&trainer, run_seed, windows);
+        let new_trainer = || Trainer::from_scenario(&scenario, &self.description, 1);
+        let checkpoint = own_checkpoint(self, run_seed, windows, control, 1);
+        let (mut trainer, mut run) = ActiveRun::begin(new_trainer, run_seed, windows, checkpoint)?;
         while !is_done(&trainer, &scenario, stop_rule) {
-            if interrupted.load(Ordering::Relaxed) {
+            let is_interrupted = control.is_interrupted();
+            run.update_checkpoint(&trainer, is_interrupted);
+            if is_interrupted {
                 return Ok(None);
             }
             let rows = trainer.advance()?.rows;
-            measured.add_round(&trainer, &rows);
+            run.measured.add_round(&trainer, &rows);
         }
-        Ok(Some(measured.finish()))
+        Ok(Some(run.measured.finish()))
     }
 
     fn runs_together(&self) -> usize {
@@ -119,7 +126,7 @@ impl Experiment for Plan {
         places: usize,
         stop_rule: StopRule,
         queue: &mut dyn RunQueue,
-        interrupted: &AtomicBool,
+        control: RunControl<'_>,
     ) {
         let world = if places > 1 && self.runs_together() > 1 {
             SharedWorld::new(&self.scenario, &self.description, places).ok()
@@ -127,8 +134,8 @@ impl Experiment for Plan {
             None
         };
         match world {
-            Some(world) => measure_in_world(self, world, stop_rule, queue, interrupted),
-            None => measure_one_by_one(self, stop_rule, queue, interrupted),
+            Some(world) => measure_in_world(self, world, stop_rule, queue, control),
+            None => measure_one_by_one(self, stop_rule, queue, control),
         }
     }
 
@@ -175,78 +182,120 @@ impl Experiment for Plan {
 }
 
 /// Measures the runs of `queue` in the places of a world. A place whose run has ended is taken by
-/// the next run.
+/// the next run. If they are interrupted, each run plays to the end of its round, in which it has its
+/// checkpoint.
 fn measure_in_world(
     plan: &Plan,
     mut world: SharedWorld,
     stop_rule: StopRule,
     queue: &mut dyn RunQueue,
-    interrupted: &AtomicBool,
+    control: RunControl<'_>,
 ) {
-    let mut runs: Vec<Option<(RunRequest, MeasuredRun)>> = Vec::new();
+    let mut runs: Vec<Option<(RunRequest, ActiveRun<'_>)>> = Vec::new();
     runs.resize_with(world.places(), || None);
     loop {
-        while world.has_free_place()
-            && let Some(request) = queue.next()
-        {
-            let scenario =
-                with_defaults_except_for_learning(plan.scenario.clone(), request.run_seed);
-            let place = world.begin(&scenario);
-            let trainer = world.trainer(place);
-            let measured = MeasuredRun::begin(trainer, request.run_seed, &request.windows);
-            runs[place] = Some((request, measured));
+        if !control.is_interrupted() {
+            take_free_places(plan, &mut world, &mut runs, queue, control);
         }
         let Some((place, round)) = world.advance() else {
             return;
         };
-        if interrupted.load(Ordering::Relaxed) {
-            return;
-        }
-        let Some((_, measured)) = &mut runs[place] else {
+        let Some((request, mut run)) = runs[place].take() else {
             continue;
         };
-        let failure = match round {
-            Ok(round) => {
-                measured.add_round(world.trainer(place), &round.rows);
-                None
-            }
-            Err(diverged) => Some(diverged.to_string()),
-        };
-        if failure.is_some() || is_done(world.trainer(place), &plan.scenario, stop_rule) {
+        let trainer = world.trainer(place);
+        let round = round.map(|round| run.measured.add_round(trainer, &round.rows));
+        if round.is_err() || is_done(trainer, &plan.scenario, stop_rule) {
+            let failure = round.map_err(|diverged| diverged.to_string());
             world.end(place);
-            if let Some((request, measured)) = runs[place].take() {
-                queue.finish(&request, failure.map_or_else(|| Ok(measured.finish()), Err));
-            }
+            queue.finish(&request, failure.map(|()| run.measured.finish()));
+            continue;
+        }
+        let is_interrupted = control.is_interrupted();
+        run.update_checkpoint(trainer, is_interrupted);
+        if is_interrupted {
+            world.end(place);
+        } else {
+            runs[place] = Some((request, run));
         }
     }
 }
 
-/// A run that is being measured.
-struct MeasuredRun {
-    result: RunResult,
-    reservoir: Reservoir,
+/// Begins runs of `queue` in the free places of a world.
+fn take_free_places<'a>(
+    plan: &Plan,
+    world: &mut SharedWorld,
+    runs: &mut [Option<(RunRequest, ActiveRun<'a>)>],
+    queue: &mut dyn RunQueue,
+    control: RunControl<'a>,
+) {
+    while world.has_free_place()
+        && let Some(request) = queue.next()
+    {
+        let scenario = with_defaults_except_for_learning(plan.scenario.clone(), request.run_seed);
+        let new_trainer = || Ok(world.new_trainer(&scenario));
+        let (run_seed, windows) = (request.run_seed, &request.windows);
+        let checkpoint = own_checkpoint(plan, run_seed, windows, control, world.places());
+        let begun = ActiveRun::begin(new_trainer, run_seed, windows, checkpoint);
+        let (trainer, run) = begun.unwrap_or_else(|never: Infallible| match never {});
+        let place = world.begin(trainer);
+        runs[place] = Some((request, run));
+    }
 }
 
-impl MeasuredRun {
-    fn begin(trainer: &Trainer, run_seed: u64, windows: &[u32]) -> Self {
-        Self {
-            result: RunResult::begin(trainer),
-            reservoir: Reservoir::new(run_seed, windows),
-        }
+/// The checkpoint of a run that begins, if it keeps one. `together`: number of runs that share a
+/// thread.
+fn own_checkpoint<'a>(
+    plan: &Plan,
+    run_seed: u64,
+    windows: &[u32],
+    control: RunControl<'a>,
+    together: usize,
+) -> Option<RunCheckpoint<'a>> {
+    let checkpoints = control.checkpoints?;
+    let identity = (plan.digest(), run_seed, windows);
+    checkpoints.of_run(identity, plan.scenario.max_episodes(), together)
+}
+
+/// A run that is being measured. Its trainer is elsewhere.
+struct ActiveRun<'a> {
+    measured: MeasuredRun,
+    checkpoint: Option<RunCheckpoint<'a>>,
+}
+
+impl<'a> ActiveRun<'a> {
+    /// Begins a run, or continues it from its checkpoint.
+    ///
+    /// # Errors
+    /// If the trainer cannot be built.
+    fn begin<E>(
+        new_trainer: impl Fn() -> Result<Trainer, E>,
+        run_seed: u64,
+        windows: &[u32],
+        mut checkpoint: Option<RunCheckpoint<'a>>,
+    ) -> Result<(Trainer, Self), E> {
+        let resumed = match &mut checkpoint {
+            Some(checkpoint) => checkpoint.resume(&new_trainer)?,
+            None => None,
+        };
+        let (trainer, measured) = if let Some(resumed) = resumed {
+            resumed
+        } else {
+            let trainer = new_trainer()?;
+            let measured = MeasuredRun::begin(&trainer, run_seed, windows);
+            (trainer, measured)
+        };
+        let run = Self {
+            measured,
+            checkpoint,
+        };
+        Ok((trainer, run))
     }
 
-    /// Adds a round that the trainer has just finished.
-    fn add_round(&mut self, trainer: &Trainer, rows: &RoundRows) {
-        self.result.add_round(trainer, rows);
-        for episode in trainer.newest_episodes() {
-            self.reservoir.add_episode(episode);
-        }
-    }
-
-    fn finish(self) -> RunResult {
-        RunResult {
-            states: self.reservoir.into_samples(),
-            ..self.result
+    /// See [`RunCheckpoint::update`].
+    fn update_checkpoint(&mut self, trainer: &Trainer, is_interrupted: bool) {
+        if let Some(checkpoint) = &mut self.checkpoint {
+            checkpoint.update(trainer, &self.measured, is_interrupted);
         }
     }
 }
