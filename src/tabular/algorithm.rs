@@ -27,8 +27,8 @@ pub enum Algorithm {
         #[serde(default)]
         rewards: RewardSeeds,
     },
-    /// Each agent samples an MDP from the belief before the first action of its episode, and keeps it until the
-    /// episode ends (PSRL): without adaptivity.
+    /// Each agent samples an MDP from the belief before the first action of its episode, and keeps it
+    /// until the episode ends (PSRL): without adaptivity.
     SampleOnce,
     /// All agents plan in the best MDP within a confidence interval, before every action
     /// (concurrent UCRL): without diversity.
