@@ -122,6 +122,7 @@ impl Ranks {
     /// Like [`exchange`](Self::exchange), with values that are borrowed where they are sent.
     #[must_use]
     pub(crate) fn exchange_as<S: Serialize, R: DeserializeOwned>(self, values: &[S]) -> Vec<R> {
+        assert_eq!(values.len(), self.count as usize, "one value for each rank");
         measured(|| {
             let sent: Vec<Vec<u8>> = values.iter().map(to_bytes).collect();
             let received = calls::exchange(&sent);
