@@ -20,6 +20,7 @@ mod bench;
 mod check;
 mod completions;
 mod evaluate;
+mod execution;
 mod explore;
 mod export;
 mod film;
@@ -47,6 +48,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use self::execution::ExecutionArgs;
 use seedbed::record::LiveError;
 use seedbed::record::recording::DEFAULT_VIEWER;
 use seedbed::run::RunError;
@@ -368,9 +370,8 @@ struct StudyArgs {
     /// Study files
     #[arg(required = true, value_name = "STUDY")]
     studies: Vec<PathBuf>,
-    /// Number of simultaneous runs, one thread each [default: number of cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
+    #[command(flatten)]
+    execution: ExecutionArgs,
     /// Write results to this directory [default: recordings/studies/<study>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -403,12 +404,6 @@ struct StudyArgs {
     #[arg(long, value_name = "DIR", num_args = 1..)]
     #[arg(conflicts_with_all = ["list", "index", "shard", "verify", "power", "register", "retry"])]
     merge: Vec<PathBuf>,
-    /// Repeat runs that failed before
-    #[arg(long)]
-    retry: bool,
-    /// Start even if the runs seem to need more memory than there is
-    #[arg(long)]
-    ignore_memory: bool,
     /// Repeat N stored runs and check that results are bit-identical; stored results are not
     /// changed [default: 10]
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "10")]
@@ -424,13 +419,6 @@ struct StudyArgs {
     /// Run what STUDY.lock registers, look by look, until all confirmatory claims are decided
     #[arg(long, conflicts_with_all = ["quick", "register", "power"])]
     confirm: bool,
-    /// Abort the process when N runs are finished, as a crash would: for tests
-    #[arg(long, value_name = "N", hide = true)]
-    abort_after_runs: Option<usize>,
-    /// Write checkpoints of runs as often as this minimum time in milliseconds allows, and at every
-    /// interruption: for tests
-    #[arg(long, value_name = "MS", hide = true)]
-    checkpoint_distance: Option<u64>,
 }
 
 #[derive(Debug, Args)]
