@@ -41,6 +41,7 @@ mod run;
 mod runs;
 mod sparkline;
 mod study;
+mod tune;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -88,14 +89,14 @@ struct Cli {
 enum Command {
     /// Train a team of agents on a scenario and record the run
     Run(RunArgs),
-    /// Validate scenario, environment and study files without running them
+    /// Validate scenario, environment, study and tuning files without running them
     #[command(after_help = "Examples:
   seedbed check scenarios/*.ron envs/*.ron
   seedbed check cartpole
   seedbed check scenarios/thesis/fig_6_4a.ron
   sed 's/0.5/0.6/' envs/cartpole.ron | seedbed check -")]
     Check {
-        /// RON files: scenarios, environments or studies; names of scenarios and environments; or `-` for
+        /// RON files: scenarios, environments, studies or tuning files; names of scenarios and environments; or `-` for
         /// the standard input
         #[arg(required = true, value_name = "FILE")]
         files: Vec<PathBuf>,
@@ -152,6 +153,8 @@ Existing files are never overwritten.")]
     Bench(BenchArgs),
     /// Run every setting of a study file with many run seeds and judge its claims
     Study(StudyArgs),
+    /// Search for the parameters of methods, each with the same number of runs
+    Tune(tune::TuneArgs),
     /// Write the report for all finished runs of a study
     Report(ReportArgs),
     /// Play the trained policies of a run without learning and print their returns
@@ -539,6 +542,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Bench(args) => bench::bench(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Study(args) => study::study(&args),
+        Command::Tune(args) => tune::tune(&args),
         Command::Report(args) => report::report(&args),
         Command::Runs(args) => runs::runs(&args),
         Command::Replay(args) => replay::replay(&args),
