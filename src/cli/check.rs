@@ -7,6 +7,7 @@ use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
 use seedbed::study::experiment::Experiment;
 use seedbed::study::plan::StudyPlan;
+use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular;
 use seedbed_env::input::{self, FileKind, InputError};
 use seedbed_env::{Choice, TaskSpec};
@@ -98,11 +99,31 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
                 describe_runs(&plan)
             ))
         }
+        FileKind::Tuning => {
+            let file = TuningFile::load(path)?;
+            for cell in &file.defaults {
+                let of_cell = cell.source.warnings().into_iter();
+                warnings.extend(of_cell.map(|warning| format!("`{}`: {warning}", cell.name)));
+            }
+            Ok(describe_tuning(&file))
+        }
     }?;
     Ok(Checked {
         description,
         warnings,
     })
+}
+
+/// Description of a tuning file, such as `search for 3 parameters of 2 methods`.
+pub(super) fn describe_tuning(file: &TuningFile) -> String {
+    let tuning = &file.document.value;
+    let parameters = tuning.methods.iter().map(|method| method.space.len());
+    let count = tuning.space.len() + parameters.sum::<usize>();
+    format!(
+        "search for {} of {}",
+        pluralize(count, "parameter"),
+        pluralize(tuning.methods.len(), "method")
+    )
 }
 
 /// Number of runs per cell, such as `20 runs each`, and of runs of others.

@@ -70,7 +70,7 @@ impl JobScript {
             name: job_name(&plan.name),
             summary: summary(&costs, tasks),
             tasks,
-            jobs: args.jobs.unwrap_or(1),
+            jobs: args.execution.jobs.unwrap_or(1),
             seedbed: path_word(&executable)?,
             study: path_word(&plan.path)?,
             folder: path_word(folder.path())?,
@@ -171,8 +171,8 @@ fn options(args: &StudyArgs) -> String {
     let options = [
         (args.quick, " --quick"),
         (args.confirm, " --confirm"),
-        (args.retry, " --retry"),
-        (args.ignore_memory, " --ignore-memory"),
+        (args.execution.retry, " --retry"),
+        (args.execution.ignore_memory, " --ignore-memory"),
     ];
     let given = options.iter().filter(|(is_given, _)| *is_given);
     given.map(|(_, option)| *option).collect()

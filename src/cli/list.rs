@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::check::{MAX_NAMED_OBSERVATIONS, describe_runs, describe_tabular, format_actions};
+use super::check::{
+    MAX_NAMED_OBSERVATIONS, describe_runs, describe_tabular, describe_tuning, format_actions,
+};
 use super::{CliError, ListKind, algorithms_page, pluralize};
 use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
 use seedbed::scenario::Scenario;
 use seedbed::study::plan::StudyPlan;
+use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular::Algorithm as TabularAlgorithm;
 use seedbed_env::input::{self, FileKind, InputError};
 use seedbed_learn::algorithms::Algorithm;
@@ -166,6 +169,11 @@ fn describe(path: &Path) -> Result<String, InputError> {
         FileKind::Study => Ok(describe_study(&StudyPlan::load_before_results(
             path, false,
         )?)),
+        FileKind::Tuning => {
+            let file = TuningFile::load(path)?;
+            let title = &file.document.value.title;
+            Ok(format!("tuning: {title}; {}", describe_tuning(&file)))
+        }
         FileKind::TabularScenario => describe_tabular(path),
         FileKind::Scenario | FileKind::Environment | FileKind::TabularEnvironment => {
             Ok(describe_scenario(&Plan::load(path, &[])?))

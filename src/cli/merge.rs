@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::study::{check_same_study, lock_folder};
+use super::execution::lock_folder;
+use super::study::check_same_study;
 use super::{CliError, pluralize};
 use seedbed::study::merge::{self, MergeError, Merged};
 use seedbed::study::plan::StudyPlan;

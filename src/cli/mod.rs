@@ -20,6 +20,7 @@ mod bench;
 mod check;
 mod completions;
 mod evaluate;
+mod execution;
 mod explore;
 mod export;
 mod film;
@@ -40,6 +41,7 @@ mod run;
 mod runs;
 mod sparkline;
 mod study;
+mod tune;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -47,6 +49,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use self::execution::ExecutionArgs;
 use seedbed::record::LiveError;
 use seedbed::record::recording::DEFAULT_VIEWER;
 use seedbed::run::RunError;
@@ -86,14 +89,14 @@ struct Cli {
 enum Command {
     /// Train a team of agents on a scenario and record the run
     Run(RunArgs),
-    /// Validate scenario, environment and study files without running them
+    /// Validate scenario, environment, study and tuning files without running them
     #[command(after_help = "Examples:
   seedbed check scenarios/*.ron envs/*.ron
   seedbed check cartpole
   seedbed check scenarios/thesis/fig_6_4a.ron
   sed 's/0.5/0.6/' envs/cartpole.ron | seedbed check -")]
     Check {
-        /// RON files: scenarios, environments or studies; names of scenarios and environments; or `-` for
+        /// RON files: scenarios, environments, studies or tuning files; names of scenarios and environments; or `-` for
         /// the standard input
         #[arg(required = true, value_name = "FILE")]
         files: Vec<PathBuf>,
@@ -150,6 +153,8 @@ Existing files are never overwritten.")]
     Bench(BenchArgs),
     /// Run every setting of a study file with many run seeds and judge its claims
     Study(StudyArgs),
+    /// Search for the parameters of methods, each with the same number of runs
+    Tune(tune::TuneArgs),
     /// Write the report for all finished runs of a study
     Report(ReportArgs),
     /// Play the trained policies of a run without learning and print their returns
@@ -368,9 +373,8 @@ struct StudyArgs {
     /// Study files
     #[arg(required = true, value_name = "STUDY")]
     studies: Vec<PathBuf>,
-    /// Number of simultaneous runs, one thread each [default: number of cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
+    #[command(flatten)]
+    execution: ExecutionArgs,
     /// Write results to this directory [default: recordings/studies/<study>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -403,12 +407,6 @@ struct StudyArgs {
     #[arg(long, value_name = "DIR", num_args = 1..)]
     #[arg(conflicts_with_all = ["list", "index", "shard", "verify", "power", "register", "retry"])]
     merge: Vec<PathBuf>,
-    /// Repeat runs that failed before
-    #[arg(long)]
-    retry: bool,
-    /// Start even if the runs seem to need more memory than there is
-    #[arg(long)]
-    ignore_memory: bool,
     /// Repeat N stored runs and check that results are bit-identical; stored results are not
     /// changed [default: 10]
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "10")]
@@ -424,13 +422,6 @@ struct StudyArgs {
     /// Run what STUDY.lock registers, look by look, until all confirmatory claims are decided
     #[arg(long, conflicts_with_all = ["quick", "register", "power"])]
     confirm: bool,
-    /// Abort the process when N runs are finished, as a crash would: for tests
-    #[arg(long, value_name = "N", hide = true)]
-    abort_after_runs: Option<usize>,
-    /// Write checkpoints of runs as often as this minimum time in milliseconds allows, and at every
-    /// interruption: for tests
-    #[arg(long, value_name = "MS", hide = true)]
-    checkpoint_distance: Option<u64>,
 }
 
 #[derive(Debug, Args)]
@@ -551,6 +542,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Bench(args) => bench::bench(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Study(args) => study::study(&args),
+        Command::Tune(args) => tune::tune(&args),
         Command::Report(args) => report::report(&args),
         Command::Runs(args) => runs::runs(&args),
         Command::Replay(args) => replay::replay(&args),

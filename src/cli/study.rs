@@ -1,28 +1,26 @@
 //! `seedbed study`: runs what is missing in a study, and prints the verdicts on its claims.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use jiff::Timestamp;
 
+use super::execution::{
+    LOCK_IS_INTACT, damage_message, damaged_file, describe_run, execute_runs, interruption_error,
+    jobs, keeps_result, lock_folder, print_failures, print_finished, warn_of_damaged_files,
+};
 use super::interruption::StopRequests;
 use super::progress::StudyProgress;
-use super::{
-    CliError, StudyArgs, job_script, memory, merge, pluralize, report, warning_without_locks,
-};
-use seedbed::run::file_lock::FileLock;
-use seedbed::run::thread_count;
-use seedbed::study::experiment::RunControl;
+use super::{CliError, StudyArgs, job_script, memory, merge, pluralize, report};
 use seedbed::study::plan::{PlannedRun, StudyPlan};
 use seedbed::study::power::powers;
 use seedbed::study::registration::{Lock, RegistrationError};
-use seedbed::study::run_checkpoint::{CheckpointEvent, RunCheckpoints};
 use seedbed::study::run_marks::RunMark;
 use seedbed::study::runner;
 use seedbed::study::shard::Shard;
-use seedbed::study::store::{RunState, StoredRun, StudyFolder};
+use seedbed::study::store::{RunState, StudyFolder};
 use seedbed_stats::power::MAX_RUNS;
 
 pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
@@ -36,7 +34,7 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
         let message = format!("{option} can be used with one study only");
         return Err(CliError::Usage(message));
     }
-    if !args.ignore_memory && executes_runs(args) {
+    if !args.execution.ignore_memory && executes_runs(args) {
         plans.iter().try_for_each(|plan| check_memory(args, plan))?;
     }
     let mut failed_runs = 0;
@@ -314,18 +312,6 @@ fn describe_mark(mark: &RunMark) -> String {
     format!("{job}process {} on {}{since}", mark.process, mark.host)
 }
 
-/// Path of the result file of a run, if it is damaged, was edited or has another layout.
-fn damaged_file(run: &PlannedRun<'_>, folder: &StudyFolder) -> Option<PathBuf> {
-    folder.damaged_file(&run.cell.digest, run.run_seed)
-}
-
-fn damage_message(path: &Path) -> String {
-    format!(
-        "{} is damaged, was changed, or is of another version of seedbed",
-        path.display()
-    )
-}
-
 /// Executes a single run; other processes may work in the same directory. Returns the number of
 /// failed runs, 0 or 1.
 fn run_one(
@@ -351,9 +337,9 @@ fn run_one(
     let file = folder.result_file(&run.cell.digest, run.run_seed);
     let was_stored = folder
         .stored_run(run)
-        .is_some_and(|stored| keeps_result(args, &stored));
+        .is_some_and(|stored| keeps_result(&args.execution, &stored));
     if !was_stored {
-        print_failures(&execute_runs(args, &[*run], folder, &plan.name)?);
+        print_failures(&execute_runs(&args.execution, &[*run], folder, &plan.name)?);
     }
     let Some(stored) = folder.stored_run(run) else {
         return Err(interruption_error(&plan.name));
@@ -387,7 +373,7 @@ fn run_shard(
     let mut missing = runs.clone();
     missing.retain(|run| {
         let stored = folder.stored_run(run);
-        !stored.is_some_and(|stored| keeps_result(args, &stored))
+        !stored.is_some_and(|stored| keeps_result(&args.execution, &stored))
     });
     warn_of_damaged_files(&missing, folder);
     say!(
@@ -398,9 +384,9 @@ fn run_shard(
     );
     say!("results    {}", folder.runs_folder().display());
     let started = Instant::now();
-    execute_runs(args, &missing, folder, &plan.name)?;
+    execute_runs(&args.execution, &missing, folder, &plan.name)?;
     if !missing.is_empty() {
-        print_finished(missing.len(), jobs(args), started);
+        print_finished(missing.len(), jobs(&args.execution), started);
     }
     let failures: Vec<String> = runs
         .iter()
@@ -411,15 +397,6 @@ fn run_shard(
         .collect();
     print_failures(&failures);
     Ok(failures.len())
-}
-
-fn print_finished(runs: usize, threads: usize, started: Instant) {
-    say!(
-        "finished   {} in {:.1} s on {}",
-        pluralize(runs, "run"),
-        started.elapsed().as_secs_f64(),
-        pluralize(threads, "thread")
-    );
 }
 
 /// Executes all runs that have no stored result, and writes the report. Returns the number of
@@ -467,7 +444,7 @@ fn run_missing(
     missing.retain(|run| {
         let stored = folder.stored_run(run);
         run.is_among_first(runs_per_cell)
-            && !stored.is_some_and(|stored| keeps_result(args, &stored))
+            && !stored.is_some_and(|stored| keeps_result(&args.execution, &stored))
     });
     let (cells, runs) = (
         pluralize(plan.cells.len(), "cell"),
@@ -490,18 +467,12 @@ fn run_missing(
     }
     print_results_of_others(plan);
     let started = Instant::now();
-    let failures = execute_runs(args, &missing, folder, &plan.name)?;
+    let failures = execute_runs(&args.execution, &missing, folder, &plan.name)?;
     if to_run > 0 {
-        print_finished(to_run, jobs(args), started);
+        print_finished(to_run, jobs(&args.execution), started);
     }
     print_failures(&failures);
     Ok(())
-}
-
-fn warn_of_damaged_files(to_run: &[PlannedRun<'_>], folder: &StudyFolder) {
-    for path in to_run.iter().filter_map(|run| damaged_file(run, folder)) {
-        note!("warning: {}: its run is repeated", damage_message(&path));
-    }
 }
 
 /// Prints how many runs of others were found, and what is wrong with their files.
@@ -563,12 +534,18 @@ fn repeat_and_compare<'a>(
     let stop = stop_requests.flag();
     let progress = Mutex::new(StudyProgress::new(study_name, runs));
     let differing = Mutex::new(Vec::new());
-    runner::verify(runs, folder, jobs(args), stop, &|run, is_same| {
-        progress.lock().expect(LOCK_IS_INTACT).run_finished(run);
-        if !is_same {
-            differing.lock().expect(LOCK_IS_INTACT).push(*run);
-        }
-    });
+    runner::verify(
+        runs,
+        folder,
+        jobs(&args.execution),
+        stop,
+        &|run, is_same| {
+            progress.lock().expect(LOCK_IS_INTACT).run_finished(run);
+            if !is_same {
+                differing.lock().expect(LOCK_IS_INTACT).push(*run);
+            }
+        },
+    );
     drop(progress);
     if stop.load(Ordering::Relaxed) {
         return Err(CliError::Runtime(
@@ -579,9 +556,6 @@ fn repeat_and_compare<'a>(
     differing.sort_by_key(|run| run.index);
     Ok(differing)
 }
-
-/// Why locking cannot fail.
-const LOCK_IS_INTACT: &str = "no thread panics while it holds the lock";
 
 fn print_verification(
     plan: &StudyPlan,
@@ -618,117 +592,13 @@ fn evenly_spaced<'a>(runs: &[PlannedRun<'a>], max_runs: usize) -> Vec<PlannedRun
         .collect()
 }
 
-/// Whether the result of a stored run is kept. With `--retry`, runs that failed are repeated
-/// instead.
-fn keeps_result(args: &StudyArgs, stored: &StoredRun) -> bool {
-    !(args.retry && stored.outcome.is_err())
-}
-
-/// Executes runs and stores their results. Returns the failures as `cell, run seed N: reason`.
-fn execute_runs(
-    args: &StudyArgs,
-    runs: &[PlannedRun<'_>],
-    folder: &StudyFolder,
-    study_name: &str,
-) -> Result<Vec<String>, CliError> {
-    let stop_requests = StopRequests::listen(
-        "stopping; finished runs are kept, and the same command resumes the study",
-    );
-    let stop = stop_requests.flag();
-    let progress = Mutex::new(StudyProgress::new(study_name, runs));
-    let failures = Mutex::new(Vec::new());
-    let finished_runs = AtomicUsize::new(0);
-    let report_finished = |finished: &runner::FinishedRun<'_>| {
-        progress
-            .lock()
-            .expect(LOCK_IS_INTACT)
-            .run_finished(finished.run);
-        if let Some(reason) = finished.failure {
-            failures
-                .lock()
-                .expect(LOCK_IS_INTACT)
-                .push(describe_run(finished.run, reason));
-        }
-        if Some(finished_runs.fetch_add(1, Ordering::Relaxed) + 1) == args.abort_after_runs {
-            std::process::abort();
-        }
-    };
-    let notify = |event: &CheckpointEvent<'_>| {
-        let label = if event.is_warning() {
-            "warning: "
-        } else {
-            "resumed    "
-        };
-        let progress = progress.lock().expect(LOCK_IS_INTACT);
-        progress.print(&format!("{label}{event}"));
-    };
-    let mut checkpoints = RunCheckpoints::new(folder, &notify);
-    if let Some(distance) = args.checkpoint_distance {
-        checkpoints = checkpoints.with_min_distance(Duration::from_millis(distance));
-    }
-    let control = RunControl {
-        interrupted: stop,
-        checkpoints: Some(&checkpoints),
-    };
-    let result = runner::run(runs, folder, jobs(args), control, &report_finished);
-    drop(progress);
-    result.map_err(|error| CliError::Runtime(format!("cannot write {error}")))?;
-    if stop.load(Ordering::Relaxed) {
-        return Err(interruption_error(study_name));
-    }
-    let mut failures = failures.into_inner().expect(LOCK_IS_INTACT);
-    failures.sort();
-    Ok(failures)
-}
-
-fn print_failures(failures: &[String]) {
-    const MAX_PRINTED: usize = 10;
-    for failure in failures.iter().take(MAX_PRINTED) {
-        note!("failed     {failure}");
-    }
-    if failures.len() > MAX_PRINTED {
-        note!("failed     and {} more", failures.len() - MAX_PRINTED);
-    }
-}
-
-/// A run with a message, e.g. `σ 0.1, run seed 1000: message`.
-fn describe_run(run: &PlannedRun<'_>, message: &str) -> String {
-    format!("{}, {}: {message}", run.cell.name, run.label())
-}
-
-fn interruption_error(study_name: &str) -> CliError {
-    CliError::Runtime(format!(
-        "interrupted; repeat the command to resume {study_name}"
-    ))
-}
-
-/// Locks the directory of a study for this process alone if `is_exclusive`, otherwise together with
-/// other processes that each execute some of its runs.
-pub(super) fn lock_folder(folder: &StudyFolder, is_exclusive: bool) -> Result<FileLock, CliError> {
-    let path: &Path = folder.path();
-    let lock = folder
-        .lock(is_exclusive)
-        .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", path.display())))?;
-    let lock = lock.ok_or_else(|| {
-        CliError::Usage(format!(
-            "another process is running a study in {}; wait for it, or choose another directory with --out",
-            path.display()
-        ))
-    })?;
-    if is_exclusive && !lock.is_effective() {
-        note!("{}", warning_without_locks(path));
-    }
-    Ok(lock)
-}
-
 /// An error if the runs, as many at once as there are threads, need more memory than there is.
 fn check_memory(args: &StudyArgs, plan: &StudyPlan) -> Result<(), CliError> {
-    let at_once = if args.index.is_some() { 1 } else { jobs(args) };
+    let at_once = if args.index.is_some() {
+        1
+    } else {
+        jobs(&args.execution)
+    };
     let runs = plan.cells.iter().map(|cell| cell.source.memory());
     memory::check_runs(runs, at_once, &format!(" of `{}`", plan.name))
-}
-
-/// Number of simultaneous runs.
-fn jobs(args: &StudyArgs) -> usize {
-    thread_count(args.jobs.map_or(0, usize::from))
 }

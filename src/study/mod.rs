@@ -10,7 +10,7 @@
 //! statistics is a run of the whole team: agents and episodes of one run depend on each other, so
 //! they are not independent repetitions. A [`bench`](mod@bench) compares a few scenarios without a
 //! study file. [`registration`] fixes a study before its runs, and [`power`] says how many runs it
-//! needs. This module must not depend on how agents learn.
+//! needs. [`tuning`] searches for parameters with runs of such plans. This module must not depend on how agents learn.
 
 pub mod bench;
 pub mod claims;
@@ -38,3 +38,4 @@ pub mod run_source;
 pub mod runner;
 pub mod shard;
 pub mod store;
+pub mod tuning;

@@ -237,11 +237,11 @@ impl PlannedRun<'_> {
 }
 
 /// A value that is replaced in a scenario, as `path=value`, and its place in the study, for errors.
-type Override<'a> = (&'a Located<String>, String);
+pub(super) type Override<'a> = (&'a Located<String>, String);
 
 /// A cell before its scenario is read.
 #[derive(Clone, Default)]
-struct CellDraft<'a> {
+pub(super) struct CellDraft<'a> {
     name_parts: Vec<String>,
     /// The cell in the study file, if it has results of others.
     external: Option<(&'a Study, &'a NamedCell)>,
@@ -357,7 +357,7 @@ fn share_windows(cells: &mut [Cell]) {
     }
 }
 
-fn located_text(text: &Located<String>) -> (&Located<String>, String) {
+pub(super) fn located_text(text: &Located<String>) -> (&Located<String>, String) {
     (text, text.value().clone())
 }
 
@@ -472,7 +472,16 @@ fn cell_error(place: Option<&Located<String>>, study: &Study, message: &str) -> 
 }
 
 impl<'a> CellDraft<'a> {
-    fn with_overrides(
+    /// A cell of a scenario.
+    pub(super) fn of_scenario(name_parts: Vec<String>, scenario: Override<'a>) -> Self {
+        Self {
+            name_parts,
+            scenario: Some(scenario),
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn with_overrides(
         mut self,
         overrides: impl Iterator<Item = (&'a Located<String>, String)>,
     ) -> Self {
@@ -500,7 +509,7 @@ impl<'a> CellDraft<'a> {
         )
     }
 
-    fn build(
+    pub(super) fn build(
         self,
         folder: &Path,
         figures: &[Figure],
@@ -681,7 +690,7 @@ fn check_figure_of_external_cells(
 }
 
 /// Error message for the first cell whose runs do not have a measure; `None` if all cells have it.
-fn missing_measure<'a>(
+pub(super) fn missing_measure<'a>(
     mut cells: impl Iterator<Item = &'a Cell>,
     measure: Measure,
 ) -> Option<String> {

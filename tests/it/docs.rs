@@ -100,6 +100,11 @@ fn commands_of_the_page_on_clusters_work() {
     run_commands("docs/cluster.md", 7);
 }
 
+#[test]
+fn commands_of_the_page_on_tuning_work() {
+    run_commands("docs/tuning.md", 5);
+}
+
 /// With `UPDATE_EXPECT=1` the page is rewritten.
 #[test]
 fn the_page_of_algorithms_is_current() {

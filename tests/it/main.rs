@@ -30,5 +30,6 @@ mod study;
 #[cfg(unix)]
 mod study_checkpoints;
 mod tabular;
+mod tune;
 mod util;
 mod weights;

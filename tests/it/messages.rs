@@ -1,5 +1,5 @@
-//! Golden files of error messages: `NAME.txt` is the exact error of the invalid scenario or study
-//! `NAME.ron`. CONTRIBUTING.md explains how to update these files.
+//! Golden files of error messages: `NAME.txt` is the exact error of the invalid scenario, study or
+//! tuning file `NAME.ron`. CONTRIBUTING.md explains how to update these files.
 
 use std::path::Path;
 
@@ -20,4 +20,9 @@ fn errors_in_scenarios_match_the_golden_files() {
 #[test]
 fn errors_in_studies_match_the_golden_files() {
     check_folder("tests/broken_studies", check_error);
+}
+
+#[test]
+fn errors_in_tuning_files_match_the_golden_files() {
+    check_folder("tests/broken_tunings", check_error);
 }

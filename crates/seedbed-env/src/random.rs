@@ -75,6 +75,10 @@ pub enum Purpose {
     /// The points of example distributions in figures. The index of the distribution takes the place
     /// of the agent.
     ExamplePoints = 60,
+    /// The values of one configuration that a search for parameters tries. The run seed is the search
+    /// seed, a hash of the method's name takes the place of the agent, and the index of the
+    /// configuration that of the round.
+    TuningConfiguration = 61,
 }
 
 /// The stream of one (run seed, purpose, agent, round).

@@ -52,8 +52,12 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
         let document: Document<TabularScenario> = parse_with_overrides(&origin, text, overrides)?;
         return Ok(Arc::new(TabularPlan::new(path, document.value)));
     }
-    if let Ok(kind @ (FileKind::Study | FileKind::Environment | FileKind::TabularEnvironment)) =
-        kind
+    if let Ok(
+        kind @ (FileKind::Study
+        | FileKind::Tuning
+        | FileKind::Environment
+        | FileKind::TabularEnvironment),
+    ) = kind
     {
         return Err(LoadStep::Read.failed(wrong_kind(&origin, kind)));
     }
@@ -69,6 +73,7 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
 fn wrong_kind(origin: &str, kind: FileKind) -> InputError {
     let (noun, command) = match kind {
         FileKind::Study => ("a study", "study"),
+        FileKind::Tuning => ("a search for parameters", "tune"),
         _ => ("an environment", "preview"),
     };
     InputError {

@@ -57,6 +57,17 @@ fn studies() {
 }
 
 #[test]
+fn tunings() {
+    Fuzzing {
+        name: "tunings",
+        inputs: 500,
+        set_up: texts::set_up,
+        open: texts::tunings,
+    }
+    .run();
+}
+
+#[test]
 fn formulas() {
     Fuzzing {
         name: "formulas",

@@ -9,6 +9,7 @@ use seedbed::run::Plan;
 use seedbed::scenario::Scenario;
 use seedbed::scenario::overrides;
 use seedbed::study::plan::StudyPlan;
+use seedbed::study::tuning::plan::{TuningError, TuningFile};
 use seedbed::tabular::scenario::TabularScenario;
 use seedbed_env::expression::{Evaluator, Program, Type, ValueTable, Variable, compile};
 use seedbed_env::input::{self, Document, FileKind, InputError};
@@ -144,6 +145,19 @@ pub(super) fn studies(folder: &Path) -> Box<dyn Target> {
         |path| {
             StudyPlan::load(path, false)?;
             StudyPlan::load_before_results(path, true).map(|_| ())
+        },
+    )
+}
+
+/// Tuning files, of which a small search is planned.
+pub(super) fn tunings(folder: &Path) -> Box<dyn Target> {
+    TextFile::boxed(
+        folder.join("scenarios/tuning/input.ron"),
+        &["scenarios"],
+        |kind| kind == FileKind::Tuning,
+        |path| match TuningFile::load(path)?.plan(12, 0) {
+            Err(TuningError::Input(error)) => Err(error),
+            _ => Ok(()),
         },
     )
 }

@@ -16,16 +16,19 @@ pub enum FileKind {
     TabularScenario,
     /// `Study(…)`
     Study,
+    /// `Tuning(…)`
+    Tuning,
 }
 
 impl FileKind {
     /// All kinds.
-    pub(super) const ALL: [Self; 5] = [
+    pub(super) const ALL: [Self; 6] = [
         Self::Environment,
         Self::TabularEnvironment,
         Self::Scenario,
         Self::TabularScenario,
         Self::Study,
+        Self::Tuning,
     ];
 
     /// The word with which files of this kind begin.
@@ -37,6 +40,7 @@ impl FileKind {
             Self::Scenario => "Scenario",
             Self::TabularScenario => "TabularScenario",
             Self::Study => "Study",
+            Self::Tuning => "Tuning",
         }
     }
 }
