@@ -92,6 +92,7 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "scenarios/tabular/maximum_reward_path_thompson.ron",
     "scenarios/tabular/maximum_reward_path_ucrl.ron",
     "scenarios/tabular/parallel_chains.ron",
+    "scenarios/tabular/parallel_chains_counts.ron",
     "scenarios/tabular/parallel_chains_thompson.ron",
     "scenarios/tabular/parallel_chains_ucrl.ron",
 ];
