@@ -33,6 +33,7 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "seed TD": ("cartpole", ("algorithm=SeedTd(learning: (observations: Running))",)),
     "skip connection": ("cartpole", ("algorithm=SeedTd(learning: (skip_connection: true))",)),
     "ensemble with priors": ("deep_sea_bootstrapped_dqn", ("algorithm.prior_scale=3.0",)),
+    "index of each agent": ("deep_sea_hyperagent", ()),
     "cross-entropy": ("cartpole", ("algorithm=CrossEntropy()",)),
     "discrete and continuous components": ("cartpole", ('environment="{mixed}"',)),
     "two discrete components": ("cartpole", ('environment="{switches}"',)),

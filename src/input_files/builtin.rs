@@ -69,6 +69,7 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "scenarios/corridors_vime.ron",
     "scenarios/deep_sea_bootstrapped_dqn.ron",
     "scenarios/deep_sea_egreedy.ron",
+    "scenarios/deep_sea_hyperagent.ron",
     "scenarios/deep_sea_seed_ensemble.ron",
     "scenarios/mountain_car.ron",
     "scenarios/mountain_car_vime.ron",
@@ -91,6 +92,7 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "scenarios/tabular/maximum_reward_path_thompson.ron",
     "scenarios/tabular/maximum_reward_path_ucrl.ron",
     "scenarios/tabular/parallel_chains.ron",
+    "scenarios/tabular/parallel_chains_counts.ron",
     "scenarios/tabular/parallel_chains_thompson.ron",
     "scenarios/tabular/parallel_chains_ucrl.ron",
 ];

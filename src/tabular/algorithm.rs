@@ -37,6 +37,18 @@ pub enum Algorithm {
         #[serde(default = "default_width")]
         width: NonNegative,
     },
+    /// Before every action, agents plan in the mean of the belief with a bonus for rarely chosen actions: β/√(1 + n(s, a))
+    /// is added to each reward, where n counts the team's choices of action a in state s (MBIE-EB, Strehl & Littman 2008,
+    /// with 1 + n for n and without a model of unknown pairs).
+    CountBonus {
+        /// Weight β of the bonus, in units of reward.
+        #[serde(default = "default_weight")]
+        weight: NonNegative,
+        /// Whether n also has the choices that the other agents expect to make in the rest of their episodes, as they have
+        /// last planned them: an agent that heads for a state counts as having been there, so that others go elsewhere.
+        #[serde(default)]
+        reservation: bool,
+    },
     /// All agents plan in the mean of the belief, and sometimes choose a random action.
     EpsilonGreedy {
         /// Probability of a random action.
@@ -71,6 +83,7 @@ impl Algorithm {
             Self::SharedSeed { .. } => "SharedSeed",
             Self::SampleOnce => "SampleOnce",
             Self::Ucrl { .. } => "Ucrl",
+            Self::CountBonus { .. } => "CountBonus",
             Self::EpsilonGreedy { .. } => "EpsilonGreedy",
             Self::Random => "Random",
         }
@@ -79,6 +92,10 @@ impl Algorithm {
 
 fn default_width() -> NonNegative {
     ranged_number(2.0)
+}
+
+fn default_weight() -> NonNegative {
+    ranged_number(1.0)
 }
 
 fn default_epsilon() -> Fraction {

@@ -51,14 +51,12 @@ impl Planner {
     ///
     /// Vₕ(s) = maxₐ Σ p (r + Vₕ₊₁(s′)) over the outcomes (p, r, s′) of (s, a).
     ///
-    /// `optimism` is empty, or the share of each outcome, `[outcomes]`: the best outcome of a pair
-    /// then takes its share of the probability of all others, as in the extended value iteration of
-    /// Jaksch et al. 2010, §3.1.2.
+    /// `optimism` may make pairs better than they are in `mdp`.
     pub fn plan(
         &mut self,
         model: &Model,
         mdp: &Mdp,
-        optimism: &[f64],
+        optimism: Optimism<'_>,
         first_step: u32,
         policy: &mut Policy,
     ) {
@@ -96,20 +94,63 @@ impl Planner {
         usize::from(policy[step as usize * self.states + state as usize])
     }
 
+    /// State-action pairs that an agent in `state` at step `first_step` chooses in later steps, if it
+    /// follows a policy in `mdp`, each with the expected number of choices in one of these steps.
+    #[must_use]
+    pub fn expected_choices(
+        &self,
+        model: &Model,
+        mdp: &Mdp,
+        policy: &Policy,
+        (first_step, state): (u32, u32),
+    ) -> Vec<(usize, f64)> {
+        let (mut choices, mut shares) = (Vec::new(), vec![0.0; self.states]);
+        shares[state as usize] = 1.0;
+        for step in first_step..self.layers.len() as u32 {
+            let mut next_shares = vec![0.0; self.states];
+            for &state in &self.layers[step as usize] {
+                let share = shares[state as usize];
+                if share == 0.0 {
+                    continue;
+                }
+                let pair = model.pairs(state).start + self.action(policy, step, state);
+                if step > first_step {
+                    choices.push((pair, share));
+                }
+                for outcome in model.outcomes_of(pair) {
+                    let next = model.outcomes()[outcome].state as usize;
+                    next_shares[next] += share * mdp.probabilities[outcome];
+                }
+            }
+            shares = next_shares;
+        }
+        choices
+    }
+
     /// Expected return of an episode under the optimal policy of `mdp`.
     #[must_use]
     pub fn optimal_value(&mut self, model: &Model, mdp: &Mdp) -> f64 {
         let mut policy = self.empty_policy();
-        self.plan(model, mdp, &[], 0, &mut policy);
+        self.plan(model, mdp, Optimism::default(), 0, &mut policy);
         self.value(model.start)
     }
+}
+
+/// How much better than in an MDP an agent imagines its task.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Optimism<'a> {
+    /// The share of each outcome, `[outcomes]`, or empty: the best outcome of a pair takes its share of
+    /// the probability of all others, as in the extended value iteration of Jaksch et al. 2010, §3.1.2.
+    pub outcomes: &'a [f64],
+    /// What is added to the value of each state-action pair, `[pairs]`, or empty.
+    pub bonuses: &'a [f64],
 }
 
 /// Inputs of one step of backward induction.
 struct Backup<'a> {
     model: &'a Model,
     mdp: &'a Mdp,
-    optimism: &'a [f64],
+    optimism: Optimism<'a>,
     rewards: &'a [f64],
     /// State values at the next step.
     next_values: &'a [f64],
@@ -130,6 +171,12 @@ impl Backup<'_> {
 
     /// Value of a state-action pair.
     fn pair_value(&self, pair: usize) -> f64 {
+        let bonus = self.optimism.bonuses.get(pair).copied();
+        bonus.unwrap_or(0.0) + self.value_of_outcomes(pair)
+    }
+
+    /// Value of a pair without its bonus.
+    fn value_of_outcomes(&self, pair: usize) -> f64 {
         let outcomes = self.model.outcomes_of(pair);
         if outcomes.len() == 1 {
             return self.outcome_value(outcomes.start);
@@ -142,10 +189,10 @@ impl Backup<'_> {
                 best = (value, outcome);
             }
         }
-        if self.optimism.is_empty() {
+        if self.optimism.outcomes.is_empty() {
             mean
         } else {
-            mean + self.optimism[best.1] * (best.0 - mean)
+            mean + self.optimism.outcomes[best.1] * (best.0 - mean)
         }
     }
 

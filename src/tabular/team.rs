@@ -4,6 +4,7 @@
 //! The agent with the earliest time acts next, so that each agent knows everything that happened
 //! before its action. A run is one sequence of actions, on one thread.
 
+mod counts;
 mod planning_mdp;
 
 use std::cmp::Reverse;
@@ -11,10 +12,11 @@ use std::collections::BinaryHeap;
 
 use rand::RngExt;
 
+use self::counts::SharedCounts;
 use super::Algorithm;
 use super::belief::Belief;
 use super::plan_cache::PlanCache;
-use super::planner::{Planner, Policy};
+use super::planner::{Optimism, Planner, Policy};
 use super::scenario::TabularScenario;
 use super::seed::AgentSeed;
 use super::turn::{Turn, first_turns};
@@ -37,6 +39,9 @@ pub struct TabularTeam {
     mdp: Mdp,
     /// Optimism about each outcome, see [`Planner::plan`]: `[outcomes]`, or empty.
     optimism: Vec<f64>,
+    /// Bonus of each state-action pair: `[pairs]`, or empty.
+    bonuses: Vec<f64>,
+    counts: SharedCounts,
     visits: Vec<StateVisits>,
     steps: u64,
 }
@@ -134,6 +139,7 @@ impl TabularTeam {
         let agents: Vec<Agent> = (0..scenario.agents.count.get())
             .map(|agent| Agent::new(scenario, &model, agent))
             .collect();
+        let agent_count = agents.len();
         let mut team = Self {
             optimal_value: planner.optimal_value(&model, &true_mdp),
             belief: Belief::new(&model),
@@ -145,6 +151,8 @@ impl TabularTeam {
                 probabilities: vec![1.0; model.outcomes().len()],
             },
             optimism: Vec::new(),
+            bonuses: Vec::new(),
+            counts: SharedCounts::new(agent_count, model.pair_count()),
             visits: vec![StateVisits::default(); model.state_count()],
             steps: 0,
             scenario: scenario.clone(),
@@ -170,6 +178,7 @@ impl TabularTeam {
             self.queue.push(Reverse(turn.next(&mut agent.clock_stream)));
             return Some(step);
         }
+        self.counts.release(turn.agent);
         step.ended_episode = Some(Episode {
             ended: turn.time,
             ..agent.episode
@@ -230,6 +239,7 @@ impl TabularTeam {
         self.belief
             .update(&self.model, pair, outcome_index, observation);
         self.count_visit(turn.agent);
+        self.counts.count(pair);
         let action = (pair - self.model.pairs(from).start) as u32;
         Step {
             agent: turn.agent,
@@ -277,7 +287,7 @@ impl TabularTeam {
         let has_plan =
             agent.policy_source != PolicySource::None && agent.planned_from <= agent.step;
         match self.scenario.algorithm {
-            Algorithm::ThompsonResampling => false,
+            Algorithm::ThompsonResampling | Algorithm::CountBonus { .. } => false,
             Algorithm::SampleOnce => has_plan && agent.step > 0,
             _ => has_plan && agent.belief_version == self.belief.version(),
         }
@@ -286,7 +296,9 @@ impl TabularTeam {
     /// Plans the remaining steps of an agent's episode.
     fn plan(&mut self, agent_index: u32) {
         self.derive_mdp(agent_index);
+        self.derive_bonuses(agent_index);
         let cached = self.plan_cache.index(&self.mdp);
+        let cached = cached.filter(|_| self.bonuses.is_empty());
         let agent = &mut self.agents[agent_index as usize];
         (agent.belief_version, agent.planned_from) = (self.belief.version(), agent.step);
         if let Some(index) = cached {
@@ -294,7 +306,8 @@ impl TabularTeam {
             let entry = &mut self.plan_cache.policies[index];
             if entry.is_none() {
                 let policy = entry.insert(self.planner.empty_policy());
-                self.planner.plan(&self.model, &self.mdp, &[], 0, policy);
+                self.planner
+                    .plan(&self.model, &self.mdp, Optimism::default(), 0, policy);
             }
             return;
         }
@@ -303,10 +316,37 @@ impl TabularTeam {
         self.planner.plan(
             &self.model,
             &self.mdp,
-            &self.optimism,
+            Optimism {
+                outcomes: &self.optimism,
+                bonuses: &self.bonuses,
+            },
             agent.step,
             &mut agent.policy,
         );
+        self.reserve(agent_index);
+    }
+
+    /// Sets `self.bonuses` for an agent, whose own reservation ends.
+    fn derive_bonuses(&mut self, agent_index: u32) {
+        if let Algorithm::CountBonus { weight, .. } = self.scenario.algorithm {
+            self.counts.release(agent_index);
+            self.counts.bonuses(weight.get(), &mut self.bonuses);
+        }
+    }
+
+    /// Reserves what an agent expects to choose after its next action, if agents do so.
+    fn reserve(&mut self, agent_index: u32) {
+        let Algorithm::CountBonus { reservation, .. } = self.scenario.algorithm else {
+            return;
+        };
+        if reservation {
+            let agent = &self.agents[agent_index as usize];
+            let now = (agent.step, agent.state);
+            let choices = self
+                .planner
+                .expected_choices(&self.model, &self.mdp, &agent.policy, now);
+            self.counts.reserve(agent_index, choices);
+        }
     }
 
     /// Expected return of an episode under the optimal policy.
@@ -380,5 +420,44 @@ impl Agent {
     /// Frees the memory that is not needed after the last episode.
     fn free_memory(&mut self) {
         (self.seed, self.policy) = (None, Policy::new());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use seedbed_env::input;
+
+    fn team(algorithm: &str) -> TabularTeam {
+        let text = format!(
+            "TabularScenario(task: DeepSea(size: 5), agents: (count: 2), episodes: 2, algorithm: {algorithm})"
+        );
+        let scenario = input::parse("test", text).unwrap_or_else(|error| panic!("{error}"));
+        TabularTeam::new(&scenario.value)
+    }
+
+    /// Sum of n over all pairs, from bonuses 1/√(1 + n).
+    fn counted(team: &TabularTeam) -> f64 {
+        let mut bonuses = Vec::new();
+        team.counts.bonuses(1.0, &mut bonuses);
+        bonuses.iter().map(|bonus| bonus.powi(-2) - 1.0).sum()
+    }
+
+    /// Episodes have five steps: after its first action an agent has reserved four choices, whatever
+    /// directions it expects. After the last episode nothing is reserved.
+    #[test]
+    fn agents_reserve_the_rest_of_their_episodes() {
+        for (algorithm, expected) in [
+            ("CountBonus(reservation: true)", 5.0),
+            ("CountBonus()", 1.0),
+            ("SeedSampling()", 1.0),
+        ] {
+            let mut team = team(algorithm);
+            team.advance();
+            assert!((counted(&team) - expected).abs() < 1e-9, "{algorithm}");
+            while team.advance().is_some() {}
+            assert_eq!(team.steps(), 2 * 2 * 5);
+            assert!((counted(&team) - 20.0).abs() < 1e-9, "{algorithm}");
+        }
     }
 }

@@ -158,6 +158,17 @@ fn a_crashed_bootstrapped_dqn_resumes_to_the_same_bits() {
     ]);
 }
 
+/// Agents draw an index in each round, and the network draws indices to learn with.
+#[test]
+fn a_crashed_hyper_agent_resumes_to_the_same_bits() {
+    assert_resumed_run_gives_the_same_bits(&[
+        "--set",
+        "algorithm=HyperAgent(draw: EveryRound, learning: (observations: Running, replay: 3000))",
+        "--set",
+        "schedule=Lockstep(learn_every: 2)",
+    ]);
+}
+
 const ENSEMBLE_OVERRIDES: [&str; 4] = [
     "--set",
     "algorithm=SeedTd(models: Ensemble(most: 2), bonus: Rnd(minibatches: 5))",

@@ -135,6 +135,22 @@ fn bootstrapped_dqn_solves_deep_sea_and_epsilon_greedy_does_not() {
     );
 }
 
+/// One network for ten agents, which differ by their indices. Over run seeds 910000 to 910019, all 20
+/// teams solved it: in 53 to 174 episodes, with indices of each round in 59 to 182. Teams with one
+/// index for all do not solve it. Ten agents with ε-greedy actions sometimes do, one does not.
+#[test]
+fn agents_with_indices_solve_deep_sea_and_epsilon_greedy_does_not() {
+    let scenario = "deep_sea_hyperagent.ron";
+    assert!(is_solved_in(2, scenario, &[], 200));
+    let one_index = "algorithm.index=Team";
+    assert!(!is_solved_in(1, scenario, &[one_index], 250));
+    let (alone, of_each_round) = ("agents.count=1", "algorithm.draw=EveryRound");
+    assert!(is_solved_in(2, scenario, &[alone, of_each_round], 300));
+    let epsilon_greedy = "algorithm=QLearning(exploration: EpsilonGreedy(from: 0.2, to: 0.05, steps: 1000), \
+                          learning: (observations: Raw, minibatch: 32, target_every: 4))";
+    assert!(!is_solved_in(1, scenario, &[alone, epsilon_greedy], 300));
+}
+
 /// The numbers of episodes are at least those of the tests above.
 #[test]
 fn random_teams_solve_no_task() {

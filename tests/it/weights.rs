@@ -251,6 +251,20 @@ fn tensors_of_value_based_learners() {
         assert_eq!(file.metadata["model_of_agent"], of_agent);
         assert_eq!(file.metadata["algorithm"], algorithm);
     }
+    let setting = format!("algorithm=HyperAgent({small}, dimension: 3)");
+    let file = policies_of("cartpole", &[&setting], false);
+    let heads = ["value", "target", "prior"].map(|role| format!("model_0.{role}"));
+    let heads = heads
+        .iter()
+        .flat_map(|name| network(name, &[4, 5, 2 * (1 + 3)]));
+    let agents = (0..2).flat_map(|agent| {
+        let networks = ["value", "prior"].map(|role| format!("agent_{agent}.{role}"));
+        let index = list(&format!("agent_{agent}.index"), 3);
+        let networks = networks.iter().flat_map(|name| network(name, &[4, 5, 2]));
+        networks.chain(index).collect::<Vec<_>>()
+    });
+    file.assert_tensors(heads.chain(agents).chain(range.clone()));
+    assert!(!file.metadata.contains_key("models"));
     let with_bonus = format!("algorithm=SeedTd({small}, bonus: Rnd(hidden: [3], outputs: 7))");
     let file = policies_of("cartpole", &[&with_bonus], false);
     assert_eq!(file.shapes["team.bonus.target.layer_0.weight"], [6, 3]);
@@ -339,6 +353,7 @@ fn all_tensors_and_keys_are_documented() {
         "SeedPg(observations: Range, bonus: Rnd())",
         "SeedTd(learning: (observations: Running), bonus: Vime(seeds: Scale))",
         "QLearning()",
+        "HyperAgent()",
         "CrossEntropy(hidden: [3])",
     ] {
         let setting = format!("algorithm={algorithm}");

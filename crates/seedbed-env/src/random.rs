@@ -55,6 +55,12 @@ pub enum Purpose {
     TransitionMasks = 23,
     /// Which value model an agent acts by in one round.
     ModelChoice = 24,
+    /// The index ξ by which an agent acts: for a run (round 0), or for one round.
+    AgentIndex = 25,
+    /// The indices ξ that a value model learns with in one round.
+    TrainedIndices = 26,
+    /// The random vectors z that perturb single transitions, with [`transition_stream`].
+    TransitionNoise = 27,
     /// The part of an agent seed for the rewards of a tabular task, drawn once.
     TabularSeeds = 41,
     /// The noise that an agent seed adds to the observations of one parameter. The index of the

@@ -3,6 +3,7 @@
 use super::TabularTeam;
 use crate::tabular::Algorithm;
 use crate::tabular::belief::{Belief, Posterior};
+use crate::tabular::planner::Optimism;
 use crate::tabular::seed::sample_posterior;
 use seedbed_env::random::{Purpose, stream};
 use seedbed_env::tabular::{Mdp, Model};
@@ -40,7 +41,7 @@ impl TabularTeam {
                 );
             }
             Algorithm::Ucrl { width } => self.set_optimistic_mdp(agent_index, width.get()),
-            Algorithm::EpsilonGreedy { .. } | Algorithm::Random => {
+            Algorithm::CountBonus { .. } | Algorithm::EpsilonGreedy { .. } | Algorithm::Random => {
                 set_posterior_mean(model, belief, mdp);
             }
         }
@@ -82,7 +83,10 @@ impl TabularTeam {
             self.planner.plan(
                 &self.model,
                 &self.mdp,
-                &self.optimism,
+                Optimism {
+                    outcomes: &self.optimism,
+                    bonuses: &[],
+                },
                 agent.step,
                 &mut policy,
             );

@@ -25,7 +25,7 @@ use crate::state_files::{frame, small_file};
 use crate::util::{files_below, run_successful};
 
 /// Algorithms of the runs whose checkpoints are changed, with their schedules.
-const ALGORITHMS: [(&str, &str); 6] = [
+const ALGORITHMS: [(&str, &str); 7] = [
     (
         "seed_pg",
         "algorithm: SeedPg(hidden: [4], bonus: Vime(model: Independent, hidden: [4])), schedule: Asynchronous()",
@@ -45,6 +45,10 @@ const ALGORITHMS: [(&str, &str); 6] = [
     (
         "bootstrapped",
         "algorithm: BootstrappedDqn(models: 2, learning: (hidden: [4])), schedule: Lockstep()",
+    ),
+    (
+        "hyper_agent",
+        "algorithm: HyperAgent(dimension: 2, draw: EveryRound, learning: (hidden: [4])), schedule: Lockstep()",
     ),
     ("cross_entropy", "algorithm: CrossEntropy()"),
 ];

@@ -13,6 +13,7 @@ use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::cross_entropy::CrossEntropy;
 use seedbed_learn::algorithms::seed_pg::config::SeedPg;
 use seedbed_learn::algorithms::value_based::config::{BootstrappedDqn, QLearning, SeedTd};
+use seedbed_learn::algorithms::value_based::hyper_agent::HyperAgent;
 use serde_json::Value;
 
 use super::{number, positive};
@@ -59,6 +60,7 @@ impl Generator {
                 ("QLearning", schema::<QLearning>()),
                 ("SeedTd", schema::<SeedTd>()),
                 ("BootstrappedDqn", schema::<BootstrappedDqn>()),
+                ("HyperAgent", schema::<HyperAgent>()),
                 ("CrossEntropy", schema::<CrossEntropy>()),
             ],
             agents: schema::<TeamConfig>(),

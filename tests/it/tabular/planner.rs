@@ -2,7 +2,7 @@
 
 use approx::assert_relative_eq;
 use proptest::prelude::*;
-use seedbed::tabular::planner::Planner;
+use seedbed::tabular::planner::{Optimism, Planner};
 use seedbed_env::input;
 use seedbed_env::tabular::{
     BipolarChain, DeepSea, MaximumRewardPath, Mdp, Model, Outcome, ParallelChains, Reward,
@@ -166,7 +166,11 @@ proptest! {
         let value_with = |optimism_of_outcomes: &[f64]| {
             let mut planner = Planner::new(&model);
             let mut policy = planner.empty_policy();
-            planner.plan(&model, &mdp, optimism_of_outcomes, 0, &mut policy);
+            let optimism = Optimism {
+                outcomes: optimism_of_outcomes,
+                bonuses: &[],
+            };
+            planner.plan(&model, &mdp, optimism, 0, &mut policy);
             planner.value(0)
         };
         let value_without_optimism = value_with(&[]);
@@ -174,4 +178,50 @@ proptest! {
         prop_assert!(value_with(&[optimism; 12]) >= value_without_optimism - 1e-12);
         prop_assert!(value_with(&[1.0; 12]) >= value_with(&[optimism; 12]) - 1e-12);
     }
+
+    /// Bonuses of pairs are the same as larger rewards of their outcomes.
+    #[test]
+    fn bonuses_are_rewards_of_pairs(
+        (model, mdp) in small_mdp(), bonuses in prop::collection::vec(0.0..1.0, 6),
+    ) {
+        let actions: Vec<Vec<Vec<Outcome>>> = (0..model.state_count() as u32)
+            .map(|state| model.pairs(state).map(|pair| rewarded(&model, pair, bonuses[pair])).collect())
+            .collect();
+        let rewarded = Model::new(0, 4, &actions);
+        let mut planner = Planner::new(&model);
+        let mut policy = planner.empty_policy();
+        let optimism = Optimism { outcomes: &[], bonuses: &bonuses };
+        planner.plan(&model, &mdp, optimism, 0, &mut policy);
+        let expected = Planner::new(&rewarded).optimal_value(&rewarded, &mdp);
+        prop_assert!((planner.value(0) - expected).abs() < 1e-9);
+    }
+
+    /// The value of a policy is the mean reward of its first pair, plus those of the pairs that it is
+    /// expected to choose later.
+    #[test]
+    fn expected_choices_have_the_value_of_the_policy((model, mdp) in small_mdp()) {
+        let mut planner = Planner::new(&model);
+        let mut policy = planner.empty_policy();
+        planner.plan(&model, &mdp, Optimism::default(), 0, &mut policy);
+        let reward = |pair| -> f64 {
+            let outcomes = model.outcomes_of(pair);
+            outcomes.map(|index| mdp.probabilities[index] * model.outcomes()[index].reward.known).sum()
+        };
+        let first = model.pairs(0).start + planner.action(&policy, 0, 0);
+        let choices = planner.expected_choices(&model, &mdp, &policy, (0, 0));
+        let later: f64 = choices.iter().map(|&(pair, share)| share * reward(pair)).sum();
+        prop_assert!((planner.value(0) - reward(first) - later).abs() < 1e-9);
+        let last = planner.expected_choices(&model, &mdp, &policy, (3, 0));
+        prop_assert!(last.is_empty());
+    }
+}
+
+/// The outcomes of a pair with `bonus` added to their rewards.
+fn rewarded(model: &Model, pair: usize, bonus: f64) -> Vec<Outcome> {
+    let outcomes = model.outcomes_of(pair).map(|index| model.outcomes()[index]);
+    let add = |outcome: Outcome| Outcome {
+        reward: Reward::known(outcome.reward.known + bonus),
+        ..outcome
+    };
+    outcomes.map(add).collect()
 }

@@ -42,6 +42,8 @@ fn the_same_run_seed_gives_the_same_bits() {
         "SeedSampling(rewards: MartingaleGaussian)",
         "ThompsonResampling",
         "Ucrl()",
+        "CountBonus()",
+        "CountBonus(reservation: true)",
         "EpsilonGreedy()",
     ] {
         for task in [
@@ -134,6 +136,8 @@ fn every_algorithm_has_less_regret_than_random_actions() {
         "SharedSeed()",
         "SampleOnce",
         "Ucrl()",
+        "CountBonus()",
+        "CountBonus(reservation: true)",
         "EpsilonGreedy()",
     ] {
         let learning = regret(algorithm);

@@ -163,6 +163,8 @@ pub(crate) struct ValueScratch {
     pub(crate) scaled: Vec<f32>,
     /// Values of all choices of each agent of a group: `[agents × choices]`.
     pub(crate) values: Vec<f32>,
+    /// Values of all choices of one agent.
+    pub(crate) row: Vec<f32>,
     pub(crate) model: ValueBuffers,
 }
 

@@ -183,6 +183,7 @@ algorithms! {
         QLearning(value_based::config::QLearning),
         SeedTd(value_based::config::SeedTd),
         BootstrappedDqn(value_based::config::BootstrappedDqn),
+        HyperAgent(value_based::hyper_agent::HyperAgent),
         CrossEntropy(cross_entropy::CrossEntropy),
     }
     without_parameters {

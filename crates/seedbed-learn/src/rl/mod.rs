@@ -6,6 +6,7 @@
 pub mod advantage;
 pub mod categorical;
 pub mod gaussian;
+pub mod index_conditioned;
 pub mod information_gain;
 pub mod policy_loss;
 pub mod q_learning;

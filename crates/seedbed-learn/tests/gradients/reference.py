@@ -39,6 +39,7 @@ def main():
         "values": [value_case("unweighted", [1.0] * 7), value_case("weighted", numbers("sample weights", 7, 0.0, 3.0))],
         "action_values": [action_value_case("plain", False, 0.0, 0.0), action_value_case("double", True, 0.0, 0.0),
                           action_value_case("seeded, with a prior and a pull", False, 3.0, 0.25)],
+        "indexed_values": [indexed_value_case("same index", False), indexed_value_case("other index, double", True)],
         "adam": adam_cases(),
         "pop_art": [pop_art_case("slow", 0.125), pop_art_case("fast", 0.75)],
     }
@@ -276,6 +277,40 @@ def action_value_case(name, double, prior_scale, regularisation):
             "states": states, "next_states": next_states, "actions": actions, "rewards": rewards, "seeds": seeds,
             "discounts": discounts, "weights": weights, "double": double, "prior_scale": prior_scale,
             "regularisation": regularisation, "value": result(value), "gradient": result(gradient)}
+
+
+def indexed_value_case(name, independent):
+    """½ mean (r + σ zᵀξ + γ Q'(s', b; ξ⁻) − Q(s, a; ξ))², where Q(·; ξ) = o₀ + Σ ξₘ oₘ, and b is the best at ξ⁻ by Q' or, if independent, by Q."""
+    choices, dimension, samples, batch, sigma, stream = 3, 2, 4, 5, 0.5, f"indexed values {name}"
+    sizes = [3, 8, (1 + dimension) * choices]
+    parameters, target = (initial(f"{stream} {role}", sizes) for role in ("learned", "target"))
+    states, next_states = (numbers(f"{stream} {when}", batch * sizes[0], -2.0, 2.0) for when in ("now", "next"))
+    rewards, noise = numbers(f"{stream} rewards", batch, -1.0, 2.0), numbers(f"{stream} noise", batch * dimension, -1.0, 1.0)
+    indices, others = (numbers(f"{stream} {which}", batch * samples * dimension, -1.0, 1.0) for which in ("indices", "others"))
+    target_indices = others if independent else indices
+    actions, discounts = [0, 2, 1, 1, 0], [0.875, 0.0, 0.875, 0.875, 0.875]
+
+    def cube(indices):
+        return array(indices).reshape(batch, samples, dimension)
+
+    def values(parameters, states, indices):
+        heads = mlp(sizes, array(parameters), rows(states, sizes[0])).reshape(batch, 1 + dimension, choices)
+        return heads[:, None, 0] + jnp.einsum("bjm,bmn->bjn", cube(indices), heads[:, 1:])
+
+    def objective(parameters):
+        judged = values(target, next_states, target_indices)
+        best = jnp.argmax(values(parameters, next_states, target_indices) if independent else judged, axis=2)
+        followed = jax.lax.stop_gradient(jnp.take_along_axis(judged, best[:, :, None], axis=2)[:, :, 0])
+        perturbed = array(rewards)[:, None] + sigma * jnp.einsum("bjm,bm->bj", cube(indices), rows(noise, dimension))
+        targets = perturbed + array(discounts)[:, None] * followed
+        chosen = values(parameters, states, indices)[jnp.arange(batch), :, jnp.array(actions)]
+        return jnp.mean((targets - chosen) ** 2) / 2
+
+    value, gradient = jax.value_and_grad(objective)(array(parameters))
+    return {"name": name, "sizes": sizes, "dimension": dimension, "samples": samples, "sigma": sigma, "parameters": parameters,
+            "target": target, "states": states, "next_states": next_states, "actions": actions, "rewards": rewards, "noise": noise,
+            "indices": indices, "target_indices": target_indices, "discounts": discounts, "double": independent,
+            "value": result(value), "gradient": result(gradient)}
 
 
 # Adam and Pop-Art.

@@ -3,6 +3,7 @@
 //! run it.
 
 use seedbed_learn::nn::{Activations, Adam, AdamSettings, Mlp, PopArt};
+use seedbed_learn::rl::index_conditioned::{self, Indices};
 use seedbed_learn::rl::policy_loss::{self, Surrogate};
 use seedbed_learn::rl::{categorical, gaussian, q_learning};
 use serde::Deserialize;
@@ -24,6 +25,7 @@ struct Reference {
     policies: Vec<PolicyCase>,
     values: Vec<ValueCase>,
     action_values: Vec<ActionValueCase>,
+    indexed_values: Vec<IndexedValueCase>,
     adam: Vec<AdamCase>,
     pop_art: Vec<PopArtCase>,
 }
@@ -559,6 +561,104 @@ fn gradients_of_action_values_match_the_reference() {
             .iter_mut()
             .zip(regularization_gradient)
             .for_each(|(slope, term)| *slope += term);
+        assert_gradient(&case.name, &network, &gradient, &case.gradient);
+    });
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct IndexedValueCase {
+    name: String,
+    sizes: Vec<usize>,
+    /// Number of coordinates M of an index.
+    dimension: usize,
+    /// Number of indices J per transition.
+    samples: usize,
+    sigma: f32,
+    parameters: Vec<f32>,
+    target: Vec<f32>,
+    states: Vec<f32>,
+    next_states: Vec<f32>,
+    actions: Vec<usize>,
+    rewards: Vec<f32>,
+    /// Random vectors z.
+    noise: Vec<f32>,
+    /// Indices ξ, and ξ⁻ of the target.
+    indices: Vec<f32>,
+    target_indices: Vec<f32>,
+    discounts: Vec<f32>,
+    double: bool,
+    value: f64,
+    gradient: Vec<f64>,
+}
+
+impl IndexedValueCase {
+    fn indices<'a>(&self, coordinates: &'a [f32]) -> Indices<'a> {
+        Indices {
+            coordinates,
+            dimension: self.dimension,
+            per_row: self.samples,
+        }
+    }
+
+    fn values(&self, parameters: &[f32], states: &[f32], indices: &[f32]) -> Vec<f32> {
+        let (network, mut activations) = (Mlp::new(&self.sizes), Activations::default());
+        let heads = network.forward(parameters, states, &mut activations);
+        let mut values = Vec::new();
+        index_conditioned::values(heads, self.indices(indices), &mut values);
+        values
+    }
+
+    /// Targets r + σ zᵀξ + γ Q′(s′, ·; ξ⁻).
+    fn targets(&self) -> Vec<f32> {
+        let (mut rewards, mut targets) = (Vec::new(), Vec::new());
+        let own = self.indices(&self.indices);
+        let (noise, sigma) = (&self.noise, self.sigma);
+        index_conditioned::perturbed_rewards(&self.rewards, noise, sigma, own, &mut rewards);
+        let next = |parameters| self.values(parameters, &self.next_states, &self.target_indices);
+        let judged = next(&self.target);
+        let choosing = if self.double {
+            next(&self.parameters)
+        } else {
+            judged.clone()
+        };
+        let discounts = repeat(&self.discounts, self.samples);
+        q_learning::targets(&rewards, &discounts, &judged, &choosing, &mut targets);
+        targets
+    }
+}
+
+/// Repeats each entry `count` times.
+fn repeat<T: Copy>(entries: &[T], count: usize) -> Vec<T> {
+    let repeated = entries.iter();
+    repeated
+        .flat_map(|&entry| std::iter::repeat_n(entry, count))
+        .collect()
+}
+
+/// Gradients of the loss of HyperAgent with respect to the network's parameters.
+#[test]
+fn gradients_of_indexed_values_match_the_reference() {
+    check_cases(&reference().indexed_values, 2, |case| {
+        let values = case.values(&case.parameters, &case.states, &case.indices);
+        let (mut slopes, mut output_gradient) = (Vec::new(), Vec::new());
+        let actions = repeat(&case.actions, case.samples);
+        let weights = vec![1.0; actions.len()];
+        let targets = case.targets();
+        let loss = q_learning::squared_error(&values, &actions, &targets, &weights, &mut slopes);
+        assert_close(&format!("{}: loss", case.name), &[loss], &[case.value]);
+        let own = case.indices(&case.indices);
+        index_conditioned::heads_gradient(&slopes, own, &mut output_gradient);
+        let (network, mut activations) = (Mlp::new(&case.sizes), Activations::default());
+        network.forward(&case.parameters, &case.states, &mut activations);
+        let mut gradient = vec![f32::NAN; network.parameter_count()];
+        network.backward(
+            &case.parameters,
+            &case.states,
+            &mut activations,
+            &output_gradient,
+            &mut gradient,
+        );
         assert_gradient(&case.name, &network, &gradient, &case.gradient);
     });
 }

@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::exploration::Exploration;
+use super::index::IndexSettings;
 use super::{ValueTeam, choice_count};
 use crate::agent::TeamConfig;
 use crate::agent::bonus::Bonus;
@@ -177,6 +178,8 @@ pub(super) struct Composition {
     pub(super) prior_scale: f32,
     pub(super) regularization: f32,
     pub(super) fit: Fit,
+    /// How values depend on an index; `None`: not at all.
+    pub(super) index: Option<IndexSettings>,
     pub(super) double: bool,
     pub(super) exploration: Exploration,
     pub(super) learning: Learning,
@@ -290,14 +293,17 @@ impl<T: ValueBased> AlgorithmConfig for T {
             factor,
             skip_connection: composition.learning.skip_connection,
         };
-        let value = term("model_{model}.value", 1.0);
-        let prior = term("model_{model}.prior", composition.prior_scale);
-        let terms = [value, prior].into_iter();
+        let [value, prior] = match composition.index {
+            None => ["model_{model}.value", "model_{model}.prior"],
+            Some(_) => ["agent_{agent}.value", "agent_{agent}.prior"],
+        };
+        let terms = [term(value, 1.0), term(prior, composition.prior_scale)].into_iter();
+        let models = ModelInfo {
+            count: composition.models,
+            model_of_agent: composition.assignment.description(),
+        };
         Some(NetworkInfo {
-            models: Some(ModelInfo {
-                count: composition.models,
-                model_of_agent: composition.assignment.description(),
-            }),
+            models: composition.index.is_none().then_some(models),
             outputs: terms.filter(|term| term.factor > 0.0).collect(),
             heads: network_info::action_value_heads(task),
             action_selection: network_info::setting_text(&composition.exploration),
@@ -311,14 +317,22 @@ impl<T: ValueBased> AlgorithmConfig for T {
         let composition = self.compose(agents as usize);
         let learning = &composition.learning;
         let choices = choice_count(task).unwrap_or(1);
-        let network = Network::memory(&super::network_shape(learning, task, choices));
+        let outputs = composition.outputs(choices);
+        let network = Network::memory(&super::network_shape(learning, task, outputs));
         // A target network, a prior and an initial state in addition.
         let model = network + network / 2 + composition.bonus.memory(task);
         let stored = steps.min(learning.replay.get().into());
         let replay = Replay::memory(stored, task.observation_width());
+        let indices = composition.index.map_or(0, |index| {
+            // The value network and the prior for the index of each agent, as numbers and as bytes.
+            let folded = super::network_shape(learning, task, choices).parameter_count() as u64;
+            let saved = u64::from(agents).saturating_mul(2 * 8 * folded);
+            saved.saturating_add(index.memory(learning.minibatch.get().into(), choices))
+        });
         (composition.models as u64)
             .saturating_mul(model)
             .saturating_add(replay)
+            .saturating_add(indices)
     }
 
     fn cost_per_step(&self, _: u32) -> f64 {
@@ -437,8 +451,14 @@ impl ValueBased for BootstrappedDqn {
 }
 
 impl Composition {
+    /// Number of outputs of a network that values `choices`.
+    pub(super) fn outputs(&self, choices: usize) -> usize {
+        let index = self.index.as_ref();
+        index.map_or(choices, |index| index.outputs(choices))
+    }
+
     /// One greedy model without seeds, masks and priors.
-    fn with_defaults(learning: &Learning, bonus: &Bonus) -> Self {
+    pub(super) fn with_defaults(learning: &Learning, bonus: &Bonus) -> Self {
         Self {
             models: 1,
             assignment: ModelAssignment::Fixed,
@@ -447,6 +467,7 @@ impl Composition {
             prior_scale: 0.0,
             regularization: 0.0,
             fit: Fit::Td,
+            index: None,
             double: false,
             exploration: Exploration::Greedy,
             learning: learning.clone(),

@@ -8,6 +8,8 @@ use crate::team::TeamContext;
 
 /// The models of one process.
 pub(super) struct LocalModels {
+    /// Numbers of the agents that act in this process.
+    pub(super) agents: Range<usize>,
     /// Numbers of the models whose state this process passes on. Each model is passed on by the process
     /// in which the agent of the same number is local, or by the last one if there is no such agent.
     pub(super) own: Range<usize>,
@@ -34,6 +36,7 @@ impl LocalModels {
             learns[agent as usize % count] = true;
         }
         Self {
+            agents: agents.start as usize..agents.end as usize,
             own,
             learns,
             has_agent_0: agents.start == 0,

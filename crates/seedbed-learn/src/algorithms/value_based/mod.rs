@@ -1,15 +1,21 @@
-//! Value-based learners: Q-learning, Seed TD, seed LSVI, seed ensembles and bootstrapped DQN.
+//! Value-based learners: Q-learning, Seed TD, seed LSVI, seed ensembles, bootstrapped DQN and
+//! HyperAgent.
 //!
 //! Models of Q(s, a) learn from the replay buffer, which has the newest transitions of all agents.
 //! Each agent acts by one of the models; the followers of a model are the agents that act by it.
 //! Seed TD (thesis §2.4; Dimakopoulou, Osband & Van Roy 2018) perturbs the reward of every
 //! transition by the model's own fixed z and starts each model at its own θ̂; randomized priors
-//! (Osband, Aslanides & Cassirer 2018) add a fixed random network. [`config`] has the parameters,
+//! (Osband, Aslanides & Cassirer 2018) add a fixed random network. With HyperAgent ([`hyper_agent`],
+//! [`mod@index`]) all agents act by one model, each by its own index. [`config`] has the parameters,
 //! [`model`] a model, and [`ValueTeam`] the models with the agents that act by them. Formulas are
 //! in [`rl`](crate::rl).
 
 pub mod config;
 pub mod exploration;
+pub mod hyper_agent;
+pub mod index;
+#[cfg(test)]
+mod index_tests;
 mod local_models;
 mod minibatch;
 pub mod model;
@@ -30,6 +36,7 @@ use crate::agent::{ActScratch, Tensor, Update, UpdateReport, ValueScratch};
 use crate::experience::replay::Replay;
 use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Mlp, Standardizer};
+use crate::rl::index_conditioned;
 use crate::team::{
     ActionRequest, AgentUpdate, LearningRequest, LearningTiming, SavedTeam, Team, TeamContext,
     Workers,
@@ -43,10 +50,16 @@ pub struct ValueTeam {
     composition: Composition,
     /// Number of choices of an action.
     choices: usize,
+    /// Shape of a network that values the choices for one index.
+    folded_shape: Mlp,
     scaling: Scaling,
     /// All models of the team.
     models: Vec<ValueModel>,
     local: LocalModels,
+    /// Indices that the agents act by in this round: `[K × M]`; empty if values depend on none.
+    agent_indices: Vec<f32>,
+    /// Number of this round.
+    round: u32,
     /// Index of the model that each agent acts by in this round: `[K]`.
     model_of_agent: Vec<usize>,
     /// Agents that act by each model in this round, in agent order: `[models]`.
@@ -73,11 +86,11 @@ struct Saved<S> {
     new_transitions: u32,
 }
 
-/// Shape of the network of a model that values each of the choices.
-fn network_shape(learning: &Learning, spec: &TaskSpec, choices: usize) -> Mlp {
+/// Shape of the network of a model.
+fn network_shape(learning: &Learning, spec: &TaskSpec, outputs: usize) -> Mlp {
     let mut sizes = vec![spec.observation_width()];
     sizes.extend(learning.hidden.iter().map(|units| units.get() as usize));
-    sizes.push(choices);
+    sizes.push(outputs);
     if learning.skip_connection {
         Mlp::with_skip_connection(&sizes)
     } else {
@@ -94,16 +107,19 @@ impl ValueTeam {
         let spec = context.spec;
         let choices = choice_count(spec).expect("checked: the task has one discrete action");
         let learning = &composition.learning;
-        let mlp = network_shape(learning, spec, choices);
+        let mlp = network_shape(learning, spec, composition.outputs(choices));
         let model = |index| {
             let first_follower = context.agent_context(index);
             ValueModel::new(index, &composition, mlp.clone(), &first_follower)
         };
         let agents = context.config.count.get() as usize;
         let has_bonus = composition.bonus != Bonus::None;
-        Self {
+        let mut team = Self {
             run_seed: context.run_seed,
             choices,
+            folded_shape: network_shape(learning, spec, choices),
+            agent_indices: Vec::new(),
+            round: 0,
             scaling: Scaling::new(learning.observations, spec),
             models: (0..composition.models as u32).map(model).collect(),
             local: LocalModels::new(&composition, context),
@@ -118,7 +134,34 @@ impl ValueTeam {
             timing: context.timing,
             own_bonuses: vec![Vec::new(); if has_bonus { agents } else { 0 }],
             composition,
+        };
+        team.draw_indices(0);
+        team
+    }
+
+    /// Draws the indices of the agents, if values depend on one.
+    fn draw_indices(&mut self, round: u32) {
+        self.round = round;
+        if let Some(index) = &self.composition.index {
+            let agents = self.model_of_agent.len();
+            self.agent_indices = index.draw_for_agents(self.run_seed, agents, round);
         }
+    }
+
+    /// Draws the indices of the round whose number a checkpoint has, if values depend on one.
+    fn restore_indices(&mut self, saved_round: &[u8]) -> Result<(), String> {
+        match (self.composition.index, saved_round.try_into()) {
+            (Some(_), Ok(round)) => self.draw_indices(u32::from_le_bytes(round)),
+            (None, _) if saved_round.is_empty() => {}
+            _ => return Err("the checkpoint is of a team with other models".to_owned()),
+        }
+        Ok(())
+    }
+
+    /// The index that an agent acts by; empty if values depend on none.
+    fn index_of(&self, agent: usize) -> &[f32] {
+        let dimension = self.agent_indices.len() / self.model_of_agent.len();
+        &self.agent_indices[agent * dimension..][..dimension]
     }
 
     /// Draws models for agents, if models are drawn for every round.
@@ -191,12 +234,15 @@ impl ValueTeam {
             }
             self.scaling
                 .apply(&buffers.observations, &mut buffers.scaled);
-            let values = model
+            let heads = model
                 .values(&buffers.scaled, &mut buffers.model)
-                .chunks_exact(self.choices);
-            for (row, values) in playing_rows().zip(values) {
+                .chunks_exact(self.composition.outputs(self.choices));
+            for (row, heads) in playing_rows().zip(heads) {
                 let range = row * self.choices..(row + 1) * self.choices;
-                buffers.values[range].copy_from_slice(values);
+                buffers.row.clear();
+                let index = self.index_of(first_agent + row);
+                index_conditioned::append_values(heads, index, &mut buffers.row);
+                buffers.values[range].copy_from_slice(&buffers.row);
             }
         }
     }
@@ -208,6 +254,7 @@ impl ValueTeam {
             replay: &self.replay,
             scaling: &self.scaling,
             agents: self.model_of_agent.len(),
+            choices: self.choices,
             steps: self.steps,
         };
         let local = &self.local;
@@ -252,6 +299,23 @@ impl ValueTeam {
         }
     }
 
+    /// The indices of the local agents, and the networks that they act by; none if values depend on
+    /// none.
+    fn tensors_of_indices(&self) -> Vec<Tensor<'_>> {
+        let mut tensors = Vec::new();
+        if self.composition.index.is_none() {
+            return tensors;
+        }
+        for agent in self.local.agents.clone() {
+            let (index, prefix) = (self.index_of(agent), format!("agent_{agent}."));
+            let networks = self.models[0].tensors_for_index(index, &self.folded_shape);
+            let index = Tensor::list("index", index);
+            let own = std::iter::once(index).chain(networks);
+            tensors.extend(own.map(|tensor| tensor.prefixed(&prefix)));
+        }
+        tensors
+    }
+
     /// The result of the round for one agent.
     fn agent_update(&self, agent: usize) -> AgentUpdate {
         let model = &self.models[self.model_of_agent[agent]];
@@ -288,6 +352,7 @@ impl Team for ValueTeam {
             .iter_mut()
             .for_each(|model| model.begin_round(round));
         self.draw_models(round);
+        self.draw_indices(round);
         self.list_followers();
         self.steps_of_round = 0;
     }
@@ -378,6 +443,7 @@ impl Team for ValueTeam {
             let prefix = format!("model_{number}.");
             tensors.extend(model.tensors().map(|tensor| tensor.prefixed(&prefix)));
         }
+        tensors.extend(self.tensors_of_indices());
         if self.local.has_agent_0 {
             let shared_tensors = self.models.iter().take(1);
             let shared_tensors = shared_tensors.flat_map(ValueModel::shared_tensors);
@@ -411,16 +477,21 @@ impl Team for ValueTeam {
             steps: self.steps,
             new_transitions: self.new_transitions,
         };
+        let mut shared = postcard::to_stdvec(&saved).expect("plain data always serializes");
+        if self.composition.index.is_some() {
+            // Indices are drawn again from the number of the round.
+            shared.extend(self.round.to_le_bytes());
+        }
         SavedTeam {
             parts: self.own_models().map(|(_, model)| model.save()).collect(),
-            shared: postcard::to_stdvec(&saved).expect("plain data always serializes"),
+            shared,
         }
     }
 
     fn restore(&mut self, saved: &SavedTeam) -> Result<(), String> {
         let models = &saved.parts;
-        let saved: Saved<Standardizer> =
-            postcard::from_bytes(&saved.shared).map_err(|error| error.to_string())?;
+        let (saved, rest) = postcard::take_from_bytes::<Saved<Standardizer>>(&saved.shared)
+            .map_err(|error| error.to_string())?;
         if models.len() != self.models.len() {
             return Err("the checkpoint is of a team with other models".to_owned());
         }
@@ -429,7 +500,7 @@ impl Team for ValueTeam {
         }
         self.scaling.restore(saved.observations)?;
         (self.steps, self.new_transitions) = (saved.steps, saved.new_transitions);
-        Ok(())
+        self.restore_indices(rest)
     }
 }
 

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{Composition, Fit};
 use super::exploration::Chooser;
+use super::index::{self, Heads, IndexSamples};
 use super::minibatch::{Minibatch, discount_after};
 use super::perturbation::Perturbation;
 use crate::agent::bonus::BonusModel;
@@ -33,6 +34,8 @@ pub struct ValueModel {
     descents: u64,
     bonus_model: Option<BonusModel>,
     random: Stream,
+    /// Indices that values depend on are drawn from this stream.
+    index_random: Stream,
     totals: Totals,
     work: Workspace,
 }
@@ -44,6 +47,8 @@ pub struct LearningContext<'a> {
     pub(super) scaling: &'a Scaling,
     /// Number of agents K.
     pub(super) agents: usize,
+    /// Number of choices of an action.
+    pub(super) choices: usize,
     /// Number of steps of each agent so far.
     pub(super) steps: u64,
 }
@@ -66,13 +71,15 @@ struct Workspace {
     bonuses: Vec<f32>,
     /// Activations of the prior network in all states.
     prior: Activations,
-    /// Values by the target network after the actions: `[B × choices]`.
+    /// Values by the target network after the actions: `[B × outputs]`.
     next_values: ValueBuffers,
     /// Values by the trained network before the actions, and after them if these choose the next
-    /// actions: `[B or 2B × choices]`.
+    /// actions: `[B or 2B × outputs]`.
     values: Vec<f32>,
     targets: Vec<f32>,
     gradient: Vec<f32>,
+    /// Values for single indices, if they depend on one.
+    index_samples: IndexSamples,
     /// Probabilities of the choices in the first state of the minibatch.
     probabilities: Vec<f32>,
 }
@@ -97,11 +104,15 @@ struct Saved<L, V> {
 
 impl Prior {
     /// The prior of a model; none if its scale is 0.
-    fn draw(mlp: &Mlp, scale: f32, run_seed: u64, model: u32) -> Option<Self> {
-        let mut random = stream(run_seed, Purpose::ValuePrior, model, 0);
-        (scale > 0.0).then(|| Self {
-            parameters: mlp.initial_parameters(Initial::Random, &mut random),
-            scale,
+    fn draw(mlp: &Mlp, composition: &Composition, run_seed: u64, model: u32) -> Option<Self> {
+        let scale = composition.prior_scale;
+        (scale > 0.0).then(|| {
+            let mut random = stream(run_seed, Purpose::ValuePrior, model, 0);
+            let mut parameters = mlp.initial_parameters(Initial::Random, &mut random);
+            if let Some(settings) = &composition.index {
+                index::remove_mean(mlp, settings.dimension, &mut parameters);
+            }
+            Self { parameters, scale }
         })
     }
 }
@@ -122,7 +133,7 @@ impl ValueModel {
             team.initial,
             &mut stream(run_seed, Purpose::InitialParameters, drawn_for, 0),
         );
-        let prior = Prior::draw(&mlp, composition.prior_scale, run_seed, index);
+        let prior = Prior::draw(&mlp, composition, run_seed, index);
         let network = Network::new(
             mlp,
             initial_parameters.clone(),
@@ -148,6 +159,7 @@ impl ValueModel {
             descents: 0,
             bonus_model,
             random: stream(run_seed, Purpose::Replay, index, 0),
+            index_random: stream(run_seed, Purpose::TrainedIndices, index, 0),
             totals: Totals::default(),
             work: Workspace {
                 minibatch,
@@ -162,10 +174,12 @@ impl ValueModel {
             run_seed, model, ..
         } = self.perturbation;
         self.random = stream(run_seed, Purpose::Replay, model, round);
+        self.index_random = stream(run_seed, Purpose::TrainedIndices, model, round);
         self.totals = Totals::default();
     }
 
-    /// Values Q(s, ·) of scaled observations.   `states: [B × width]` → `[B × choices]`
+    /// Values Q(s, ·) of scaled observations, or their heads if they depend on an index.
+    /// `states: [B × width]` → `[B × outputs]`
     pub(super) fn values<'a>(
         &self,
         states: &[f32],
@@ -182,7 +196,7 @@ impl ValueModel {
         values
     }
 
-    /// Outputs of the prior network.   `states: [B × width]` → `[B × choices]`, or empty without a
+    /// Outputs of the prior network.   `states: [B × width]` → `[B × outputs]`, or empty without a
     /// prior
     fn prior_values<'a>(&self, states: &[f32], activations: &'a mut Activations) -> &'a [f32] {
         let mlp = self.network.mlp();
@@ -234,35 +248,15 @@ impl ValueModel {
     }
 
     /// One gradient step on ½ mean w (r + z + γ max Q′(s′, ·) − Q(s, a))² + ½ λ ‖θ − θ̂‖² (thesis
-    /// §2.4). γ is 0 if `bootstrap` is false.
+    /// §2.4), or on the mean of such losses for several indices. γ is 0 if `bootstrap` is false.
     fn descend(&mut self, context: &LearningContext<'_>, bootstrap: bool) {
         self.draw_minibatch(context, bootstrap);
         self.add_bonuses();
         self.compute_values(context);
+        let loss = self.compute_gradient(context.composition);
         let Workspace {
-            minibatch,
-            states,
-            next_values,
-            values,
-            targets,
-            gradient,
-            ..
-        } = &mut self.work;
-        let (values, later_values) = values.split_at_mut(next_values.values.len());
-        let choosing_values = if context.composition.double {
-            &*later_values
-        } else {
-            &next_values.values[..]
-        };
-        q_learning::targets(
-            &minibatch.rewards,
-            &minibatch.discounts,
-            &next_values.values,
-            choosing_values,
-            targets,
-        );
-        let (actions, weights) = (&minibatch.actions, &minibatch.weights);
-        let loss = q_learning::squared_error(values, actions, targets, weights, gradient);
+            states, gradient, ..
+        } = &self.work;
         self.network
             .descend(states, gradient, &descent(context.composition));
         self.accumulate_stats(context, loss);
@@ -275,7 +269,43 @@ impl ValueModel {
         }
     }
 
-    /// Draws the transitions of the next gradient step.
+    /// Computes the loss and its gradient with respect to the outputs of the network; returns the loss.
+    fn compute_gradient(&mut self, composition: &Composition) -> f32 {
+        let Workspace {
+            minibatch,
+            next_values,
+            values,
+            targets,
+            gradient,
+            index_samples,
+            ..
+        } = &mut self.work;
+        let (values, later_values) = values.split_at_mut(next_values.values.len());
+        let choosing_values = if composition.double {
+            &*later_values
+        } else {
+            &next_values.values[..]
+        };
+        if let Some(settings) = &composition.index {
+            let heads = Heads {
+                present: values,
+                next: &next_values.values,
+                choosing: choosing_values,
+            };
+            return index_samples.compute_gradient(settings, minibatch, heads, gradient);
+        }
+        q_learning::targets(
+            &minibatch.rewards,
+            &minibatch.discounts,
+            &next_values.values,
+            choosing_values,
+            targets,
+        );
+        let (actions, weights) = (&minibatch.actions, &minibatch.weights);
+        q_learning::squared_error(values, actions, targets, weights, gradient)
+    }
+
+    /// Draws the transitions of the next gradient step, and their indices.
     fn draw_minibatch(&mut self, context: &LearningContext<'_>, bootstrap: bool) {
         let learning = &context.composition.learning;
         let Self {
@@ -284,18 +314,22 @@ impl ValueModel {
                     minibatch,
                     observations,
                     states,
+                    index_samples,
                     ..
                 },
             perturbation,
             random,
+            index_random,
             ..
         } = self;
+        let index = context.composition.index.as_ref();
         let discount = if bootstrap {
             learning.discount.get_f32()
         } else {
             0.0
         };
         minibatch.clear();
+        index_samples.noise.clear();
         for _ in 0..learning.minibatch.get() {
             let transition = context.replay.draw(random);
             let reward = transition.reward + perturbation.reward_seed(transition.origin);
@@ -306,6 +340,13 @@ impl ValueModel {
                 discount,
                 perturbation.weight(transition.origin),
             );
+            if let Some(settings) = index {
+                let noise = &mut index_samples.noise;
+                perturbation.append_noise(transition.origin, settings.dimension, noise);
+            }
+        }
+        if let Some(settings) = index {
+            index_samples.draw(settings, learning.minibatch.get() as usize, index_random);
         }
         observations.clone_from(&minibatch.states);
         observations.extend_from_slice(&minibatch.next_states);
@@ -364,8 +405,11 @@ impl ValueModel {
     /// Adds the loss, and the entropy of the policy in the first state of the minibatch, to the
     /// totals. Overwrites the values of this state.
     fn accumulate_stats(&mut self, context: &LearningContext<'_>, loss: f32) {
-        let choices = self.network.mlp().outputs();
-        let row = &mut self.work.values[..choices];
+        let values = match context.composition.index {
+            Some(_) => &mut self.work.index_samples.values,
+            None => &mut self.work.values,
+        };
+        let row = &mut values[..context.choices];
         let chooser = Chooser {
             agent: self.perturbation.model as usize,
             agents: context.agents,
@@ -430,6 +474,22 @@ impl ValueModel {
 
     pub(super) fn is_finite(&self) -> bool {
         self.network.is_finite() && self.bonus_model.as_ref().is_none_or(BonusModel::is_finite)
+    }
+
+    /// The networks whose outputs are the values for one index: the trained one, and the prior if
+    /// there is one.   `shape`: of a network that values the choices
+    pub(super) fn tensors_for_index(&self, index: &[f32], shape: &Mlp) -> Vec<Tensor<'static>> {
+        let prior = self.prior.as_ref().map(|prior| &prior.parameters[..]);
+        let networks = [("value", Some(self.network.parameters())), ("prior", prior)];
+        let mut tensors = Vec::new();
+        for (role, parameters) in networks {
+            let Some(parameters) = parameters else {
+                continue;
+            };
+            let folded = index::fold(self.network.mlp(), parameters, index);
+            tensors.extend(network_tensors(shape, &folded, role).map(Tensor::into_owned));
+        }
+        tensors
     }
 
     pub(super) fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {

@@ -1,11 +1,13 @@
-//! Perturbations of transitions by a model: reward seeds z, and masks that say whether the model
-//! learns from a transition.
+//! Perturbations of transitions by a model: reward seeds z, masks that say whether the model learns
+//! from a transition, and random vectors z that are multiplied by an index.
 //!
-//! Both are deterministic functions of (run seed, model, acting agent, episode, step). They do not
+//! All are deterministic functions of (run seed, model, acting agent, episode, step). They do not
 //! depend on the contents of the replay buffer.
 
 use rand::RngExt;
+use rand_distr::{Distribution, StandardNormal};
 
+use super::index;
 use crate::experience::replay::Origin;
 use crate::seed::RewardSeeds;
 use seedbed_env::random::{Purpose, transition_stream};
@@ -35,6 +37,23 @@ impl Perturbation {
         )) as f32
     }
 
+    /// Appends the random vector z of a transition, drawn uniformly from the sphere of radius √M: zᵀξ
+    /// has mean 0 and standard deviation 1 for every ξ of norm 1.   `M` numbers
+    pub(super) fn append_noise(&self, origin: Origin, dimension: usize, noise: &mut Vec<f32>) {
+        let start = noise.len();
+        for block in 0..dimension.div_ceil(NORMALS_PER_BLOCK) {
+            let mut random = transition_stream(
+                self.run_seed,
+                Purpose::TransitionNoise,
+                block as u32,
+                stream_key(origin),
+            );
+            let count = (dimension - block * NORMALS_PER_BLOCK).min(NORMALS_PER_BLOCK);
+            noise.extend((0..count).map(|_| -> f32 { StandardNormal.sample(&mut random) }));
+        }
+        index::normalize(&mut noise[start..], (dimension as f32).sqrt());
+    }
+
     /// 1 for a transition that the model learns from, otherwise 0.
     pub(super) fn weight(&self, origin: Origin) -> f32 {
         if self.mask >= 1.0 {
@@ -53,6 +72,10 @@ impl Perturbation {
         }
     }
 }
+
+/// Number of normal numbers that are drawn from the stream of one step. Each needs two words, rarely
+/// more, and the stream of the next step begins sixteen words later.
+const NORMALS_PER_BLOCK: usize = 4;
 
 /// The numbers that identify the random streams of a transition.
 fn stream_key(origin: Origin) -> (u32, u32, u32) {
@@ -119,6 +142,39 @@ mod tests {
         assert_eq!(reward_seed(0, 17), reward_seed(0, 17));
         assert_ne!(reward_seed(0, 17), reward_seed(1, 17));
         assert_ne!(reward_seed(0, 17), reward_seed(0, 18));
+    }
+
+    /// 4,000 vectors of norm √6: means are within 4/√4000 = 0.063 of 0, and so are mean products of
+    /// different coordinates, also of those of consecutive steps; mean squares are near 1, with
+    /// variance below 2 each: within 4 √(2/4000) = 0.09.
+    #[test]
+    fn noise_has_independent_coordinates() {
+        let vectors: Vec<Vec<f32>> = origins()
+            .map(|origin| {
+                let mut noise = vec![7.0];
+                perturbation(0).append_noise(origin, 6, &mut noise);
+                noise[1..].to_vec()
+            })
+            .collect();
+        let mean_of = |product: &dyn Fn(&[f32], &[f32]) -> f32| {
+            let pairs = vectors.iter().zip(vectors.iter().cycle().skip(1));
+            pairs.map(|(a, b)| product(a, b)).sum::<f32>() / 4000.0
+        };
+        for vector in &vectors {
+            assert_eq!(vector.len(), 6);
+            let squares: f32 = vector.iter().map(|x| x * x).sum();
+            assert!((squares - 6.0).abs() < 1e-4, "{squares}");
+        }
+        for i in 0..6 {
+            assert!(mean_of(&|a, _| a[i]).abs() < 0.063, "{i}");
+            for j in 0..6 {
+                let expected = if i == j { 1.0 } else { 0.0 };
+                let product = mean_of(&|a, _| a[i] * a[j]);
+                assert!((product - expected).abs() < 0.09, "{i} {j}: {product}");
+                let next = mean_of(&|a, b| a[i] * b[j]);
+                assert!(next.abs() < 0.063, "{i} {j}: {next}");
+            }
+        }
     }
 
     #[test]

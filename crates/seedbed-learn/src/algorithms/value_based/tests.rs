@@ -11,7 +11,7 @@ use seedbed_env::{Action, Quantity, Status};
 /// A chain of three states with one-hot observations: action 0 goes left, action 1 goes right.
 /// Leaving state 2 to the right ends the episode with reward 1; leaving state 0 to the left ends it
 /// with reward 0.2.
-fn spec() -> TaskSpec {
+pub(super) fn spec() -> TaskSpec {
     let quantity = |name: &str| Quantity {
         name: name.to_owned(),
         unit: String::new(),
@@ -31,7 +31,7 @@ fn spec() -> TaskSpec {
     }
 }
 
-fn observation(state: usize) -> [f32; 3] {
+pub(super) fn observation(state: usize) -> [f32; 3] {
     std::array::from_fn(|index| if index == state { 1.0 } else { 0.0 })
 }
 
@@ -52,7 +52,7 @@ fn one_step_episode(agent: u32, state: usize, action: usize) -> Episode {
     }
 }
 
-fn learning() -> Learning {
+pub(super) fn learning() -> Learning {
     Learning {
         discount: ranged_number(0.8),
         observations: ObservationScaling::Raw,
@@ -74,11 +74,11 @@ fn team_of(agents: u32, sigma: f64) -> TeamConfig {
     }
 }
 
-fn team(composition: Composition, agents: u32, sigma: f64) -> ValueTeam {
+pub(super) fn team(composition: Composition, agents: u32, sigma: f64) -> ValueTeam {
     team_in_process(composition, agents, sigma, None)
 }
 
-fn team_in_process(
+pub(super) fn team_in_process(
     composition: Composition,
     agents: u32,
     sigma: f64,
@@ -102,12 +102,12 @@ fn team_in_process(
     team
 }
 
-fn learn(team: &mut ValueTeam, times: usize) {
+pub(super) fn learn(team: &mut ValueTeam, times: usize) {
     (0..times).for_each(|_| team.learn_from_replay(Workers::CURRENT_THREAD));
 }
 
 /// Values Q of all states by the model of `agent`, in a team of `agents`: `[3 × 2]`.
-fn values(team: &mut ValueTeam, agent: usize, agents: usize) -> Vec<f32> {
+pub(super) fn values(team: &mut ValueTeam, agent: usize, agents: usize) -> Vec<f32> {
     let mut values = Vec::new();
     for state in 0..3 {
         let observations: Vec<f32> = (0..agents).flat_map(|_| observation(state)).collect();
@@ -122,7 +122,7 @@ fn values(team: &mut ValueTeam, agent: usize, agents: usize) -> Vec<f32> {
 /// and Q(0, left) = 0.2, Q(1, left) = 0.8 V(0) = 0.512, Q(2, left) = 0.8 V(1) = 0.64.
 const OPTIMAL_VALUES: [f32; 6] = [0.2, 0.64, 0.512, 0.8, 0.64, 1.0];
 
-fn assert_optimal_values(values: &[f32], tolerance: f32) {
+pub(super) fn assert_optimal_values(values: &[f32], tolerance: f32) {
     let largest_error = values
         .iter()
         .zip(OPTIMAL_VALUES)
