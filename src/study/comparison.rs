@@ -194,7 +194,9 @@ impl Quantity {
         }
     }
 
-    fn value(self, score: RunScore) -> f64 {
+    /// The value of a run that is compared: a time up to the horizon, or the measure itself.
+    #[must_use]
+    pub fn value(self, score: RunScore) -> f64 {
         match self {
             Self::Share | Self::Mean => score.value,
             Self::RestrictedMeanTime { horizon } => score.time_to_event().restricted_to(horizon),

@@ -90,6 +90,38 @@ pub enum Figure {
         #[serde(default)]
         over: Located<Vec<String>>,
     },
+    /// The mean of a measure over the number of agents, one panel per task, one curve per method.
+    Scaling {
+        /// Title [default: generated].
+        #[serde(default)]
+        title: String,
+        /// Measure [default: the first of the study].
+        #[serde(default)]
+        measure: Option<Located<Measure>>,
+        /// Names of cells [default: all].
+        #[serde(default)]
+        cells: Vec<Located<String>>,
+    },
+    /// Differences between cells whose names differ in one part, as a table of colored numbers over two
+    /// other parts.
+    Differences {
+        /// Title [default: generated].
+        #[serde(default)]
+        title: String,
+        /// Measure [default: the first of the study].
+        #[serde(default)]
+        measure: Option<Located<Measure>>,
+        /// Names of cells [default: all].
+        #[serde(default)]
+        cells: Vec<Located<String>>,
+        /// The compared parts of names: the measure of cells with the first, minus that of cells with the
+        /// second.
+        compare: (Located<String>, Located<String>),
+        /// Name of the axis of the grid whose values are columns.
+        columns: Located<String>,
+        /// Name of the axis of the grid whose values are rows.
+        rows: Located<String>,
+    },
 }
 
 /// Episodes from the start of training.
@@ -133,7 +165,9 @@ impl Figure {
             | Self::Visitation { title, cells, .. }
             | Self::Intervals { title, cells, .. }
             | Self::Unsolved { title, cells, .. }
-            | Self::Profiles { title, cells, .. } => (title, cells),
+            | Self::Profiles { title, cells, .. }
+            | Self::Scaling { title, cells, .. }
+            | Self::Differences { title, cells, .. } => (title, cells),
         }
     }
 
@@ -148,13 +182,25 @@ impl Figure {
         }
     }
 
+    /// The parts of names that a figure of differences compares; `None` for all others.
+    #[must_use]
+    pub fn compared_parts(&self) -> Option<(&Located<String>, &Located<String>)> {
+        match self {
+            Self::Differences { compare, .. } => Some((&compare.0, &compare.1)),
+            _ => None,
+        }
+    }
+
     /// Measure that runs must have for this figure; `None` if runs need no measure. Figures of a
     /// measure default to `main_measure`.
     #[must_use]
     pub fn required_measure(&self, main_measure: Measure) -> Option<Measure> {
         match self {
             Self::Curves { of, .. } => Some(Measure::Mean { of: **of }),
-            Self::Intervals { measure, .. } | Self::Profiles { measure, .. } => {
+            Self::Intervals { measure, .. }
+            | Self::Profiles { measure, .. }
+            | Self::Scaling { measure, .. }
+            | Self::Differences { measure, .. } => {
                 Some(measure.as_ref().map_or(main_measure, |measure| **measure))
             }
             Self::Unsolved { .. } => Some(Measure::EpisodesToSolve),
@@ -172,6 +218,8 @@ impl Figure {
             Self::Intervals { .. } => "Intervals",
             Self::Unsolved { .. } => "Unsolved",
             Self::Profiles { .. } => "Profiles",
+            Self::Scaling { .. } => "Scaling",
+            Self::Differences { .. } => "Differences",
         }
     }
 
@@ -189,7 +237,10 @@ impl Figure {
     /// Measure given in the study file.
     fn measure(&self) -> Option<&Located<Measure>> {
         match self {
-            Self::Intervals { measure, .. } | Self::Profiles { measure, .. } => measure.as_ref(),
+            Self::Intervals { measure, .. }
+            | Self::Profiles { measure, .. }
+            | Self::Scaling { measure, .. }
+            | Self::Differences { measure, .. } => measure.as_ref(),
             _ => None,
         }
     }

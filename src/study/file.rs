@@ -73,6 +73,9 @@ pub struct Study {
     // Not in the hash of studies that lack it, so that locks of earlier versions stay valid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exploration: Option<Exploration>,
+    /// What the report says of the size of teams.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scaling: Option<Scaling>,
     /// Figures of the report.
     #[serde(default)]
     pub figures: Vec<Figure>,
@@ -87,6 +90,18 @@ pub struct Exploration {
     pub undirected: Vec<Located<String>>,
     /// A share, such as `Solved` or `Reach`.
     pub measure: Located<Measure>,
+}
+
+/// Tables of speed-up, efficiency and diversity for cells whose names differ in a part `K n`, the number
+/// of agents.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scaling {
+    /// `Regret`, or a time in episodes.
+    pub measure: Located<Measure>,
+    /// Parts of the names of cells that differ in diversity only: with it, and without.
+    #[serde(default)]
+    pub diversity: Vec<(Located<String>, Located<String>)>,
 }
 
 /// One axis of a grid: values that replace `{}` in `scenario` and `set`.
@@ -295,6 +310,19 @@ impl ClaimDirection {
     }
 }
 
+/// Whether the name of a cell has this part, as separated by commas.
+pub(super) fn has_part(cell: &str, part: &str) -> bool {
+    cell.split(", ").any(|each| each == part)
+}
+
+/// The error that no cell has this part in its name.
+pub(super) fn unknown_part(part: &Located<String>) -> ValidationError {
+    part.error(format!(
+        "no cell has `{}` in its name; expected a part of a cell's name, as separated by commas",
+        part.as_str()
+    ))
+}
+
 impl Study {
     /// Main measure of the study: the first one.
     ///
@@ -369,6 +397,10 @@ impl Study {
             return Err(measure.error("expected a share, such as `Solved` or `Reach`"));
         }
         self.check_pools(cells)?;
+        self.check_differences(cells)?;
+        if let Some(scaling) = &self.scaling {
+            scaling.check(cells)?;
+        }
         self.claims
             .iter()
             .try_for_each(|claim| self.check_claim(claim))
@@ -525,11 +557,7 @@ impl Study {
                          as `Reach`",
                 ));
             }
-            let is_known = |name_part: &&String| {
-                cells
-                    .iter()
-                    .any(|cell| cell.split(", ").any(|part| part == name_part.as_str()))
-            };
+            let is_known = |name_part: &&String| cells.iter().any(|cell| has_part(cell, name_part));
             if let Some(name_part) = over.iter().find(|name_part| !is_known(name_part)) {
                 return Err(over.error(format!(
                     "no cell has `{name_part}` in its name; expected a part of a cell's name, as \
@@ -538,6 +566,17 @@ impl Study {
             }
         }
         Ok(())
+    }
+
+    /// Checks that every figure of differences has cells to compare.
+    fn check_differences(&self, cells: &[&str]) -> Result<(), ValidationError> {
+        let differences = self.figures.iter().filter_map(Figure::compared_parts);
+        let mut parts = differences.flat_map(|(first, second)| [first, second]);
+        let is_unknown =
+            |part: &&Located<String>| !cells.iter().any(|cell| has_part(cell, part.as_str()));
+        parts
+            .find(is_unknown)
+            .map_or(Ok(()), |part| Err(unknown_part(part)))
     }
 
     /// Checks that run seeds are either all for tuning or all for reported results.

@@ -5,7 +5,7 @@
 //! among processes, [`run_marks`] say who executes a run, [`run_checkpoint`]s let another process continue it, and
 //! [`mod@merge`] unites the results. Cells may also have results
 //! that others made ([`external`]); [`run_source`] is the only place that distinguishes the two. [`comparison`] and
-//! [`claims`] evaluate the [`results`], [`cost`] says what they took, [`gate`] whether the task is one
+//! [`claims`] evaluate the [`results`], [`cost`] says what they took, [`scaling`] what larger teams gain, [`gate`] whether the task is one
 //! of exploration, and the [`report`] presents them. The unit of all
 //! statistics is a run of the whole team: agents and episodes of one run depend on each other, so
 //! they are not independent repetitions. A [`bench`](mod@bench) compares a few scenarios without a
@@ -36,6 +36,7 @@ pub mod run_marks;
 pub mod run_result;
 pub mod run_source;
 pub mod runner;
+pub mod scaling;
 pub mod shard;
 pub mod store;
 pub mod tuning;

@@ -157,6 +157,8 @@ impl Results {
         let main_measure = self.study.main_measure();
         let exploration = self.study.exploration.iter();
         let of_gate = exploration.map(|exploration| *exploration.measure);
+        let scaling = self.study.scaling.iter();
+        let of_scaling = scaling.map(|scaling| *scaling.measure);
         let figures = self.study.figures.iter();
         let of_figures = figures.filter_map(|figure| figure.required_measure(main_measure));
         let mut measures: Vec<Measure> = Vec::new();
@@ -164,6 +166,7 @@ impl Results {
             .chain(of_claims)
             .chain(of_figures)
             .chain(of_gate)
+            .chain(of_scaling)
             .chain([Measure::EpisodesToSolve])
         {
             if !measures.contains(&measure) {

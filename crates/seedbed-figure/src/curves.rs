@@ -24,6 +24,8 @@ pub struct Curves {
     pub x_range: Option<[f64; 2]>,
     /// Range of the y axis [default: range of the data].
     pub y_range: Option<[f64; 2]>,
+    /// Ticks of the x axis with their labels [default: round values].
+    pub x_ticks: Vec<(f64, String)>,
     /// Whether the y axis is logarithmic; all values must be above 0.
     pub y_logarithmic: bool,
     /// Whether to draw a legend. It is drawn in a part of the panel without curves, or to the right
@@ -146,6 +148,7 @@ impl Curves {
             y_label: &self.y_label,
             x_range: self.x_extent(),
             y_range: self.y_extent(),
+            x_ticks: &self.x_ticks,
             y_logarithmic: self.y_logarithmic,
             has_grid: true,
         };

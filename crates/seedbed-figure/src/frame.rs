@@ -22,6 +22,8 @@ pub(super) struct Frame<'a> {
     pub(super) y_label: &'a str,
     pub(super) x_range: [f64; 2],
     pub(super) y_range: [f64; 2],
+    /// Ticks of the x axis; empty for round values.
+    pub(super) x_ticks: &'a [(f64, String)],
     pub(super) y_logarithmic: bool,
     pub(super) has_grid: bool,
 }
@@ -116,7 +118,13 @@ impl Frame<'_> {
 
     fn draw_x_axis(&self, plot: &Plot, panel: &Rect, svg: &mut SvgWriter) {
         let area = plot.area;
-        for (value, text) in plot.x.ticks(tick_count(area.width, 52.0)) {
+        let round_values = || plot.x.ticks(tick_count(area.width, 52.0));
+        let ticks = if self.x_ticks.is_empty() {
+            round_values()
+        } else {
+            self.x_ticks.to_vec()
+        };
+        for (value, text) in ticks {
             let x = plot.x.position(value);
             svg.line(
                 &[[x, area.bottom()], [x, area.bottom() + 4.0]],

@@ -40,6 +40,7 @@
 //! | [`Curves`] | curves with bands, step and survival curves; [`Figure::from_curves`] arranges several with common axes |
 //! | [`ParallelCoordinates`] | points of many dimensions, as lines or as their density |
 //! | [`Scatter`], [`HeatMap`] | two dimensions, as points or as counts |
+//! | [`NumberGrid`] | numbers over two dimensions, as text on colors |
 //! | [`Drawing`] | shapes in a plane, drawn to scale |
 //! | [`Intervals`] | a table of estimates with their intervals |
 //!
@@ -53,6 +54,7 @@ mod frame;
 mod intervals;
 mod key;
 mod legend;
+mod number_grid;
 mod page;
 mod pair;
 mod parallel;
@@ -66,6 +68,7 @@ pub use drawing::{Drawing, DrawnShape};
 pub use font::font_faces;
 pub use intervals::{IntervalRow, Intervals};
 pub use key::Key;
+pub use number_grid::{GridNumber, NumberGrid};
 pub use pair::{HeatMap, Scatter, ScatterPoint};
 pub use parallel::{DensityImage, DifferenceImage, ParallelCoordinates, StateLine, States};
 pub use pixels::{Pixels, PngError};
@@ -121,6 +124,8 @@ pub enum Panel {
     HeatMap(HeatMap),
     /// Estimates with their intervals.
     Intervals(Intervals),
+    /// Numbers over two dimensions.
+    NumberGrid(NumberGrid),
     /// Shapes in a plane, drawn to scale.
     Drawing(Drawing),
     /// An empty space, so that the panels of several rows are aligned.

@@ -4,8 +4,8 @@ use super::font::{Weight, fit_text};
 use super::frame::TITLE_HEIGHT;
 use super::svg::{Anchor, Rect, SvgWriter, TextStyle};
 use super::{
-    Curves, Drawing, Figure, HeatMap, Intervals, Panel, ParallelCoordinates, Pixels, PngError, Row,
-    Scatter, pixels,
+    Curves, Drawing, Figure, HeatMap, Intervals, NumberGrid, Panel, ParallelCoordinates, Pixels,
+    PngError, Row, Scatter, pixels,
 };
 
 const HEADING_SIZE: f64 = 15.0;
@@ -144,6 +144,7 @@ impl Panel {
             Self::Scatter(points) => points.draw(area, svg),
             Self::HeatMap(counts) => counts.draw(area, svg),
             Self::Intervals(rows) => rows.draw(area, svg),
+            Self::NumberGrid(numbers) => numbers.draw(area, svg),
             Self::Drawing(shapes) => shapes.draw(area, svg),
             Self::Blank => {}
         }
@@ -156,6 +157,7 @@ impl Panel {
             | Self::Scatter(Scatter { title, .. })
             | Self::HeatMap(HeatMap { title, .. })
             | Self::Intervals(Intervals { title, .. })
+            | Self::NumberGrid(NumberGrid { title, .. })
             | Self::Drawing(Drawing { title, .. }) => title,
             Self::Blank => "",
         }

@@ -88,6 +88,7 @@ fn draw_frame(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter
         y_label: &axis_label(y),
         x_range: x.range.map(f64::from),
         y_range: y.range.map(f64::from),
+        x_ticks: &[],
         y_logarithmic: false,
         has_grid: false,
     };

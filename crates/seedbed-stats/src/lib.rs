@@ -8,6 +8,7 @@ pub mod improvement;
 pub mod means;
 pub mod power;
 pub mod profile;
+pub mod ratios;
 pub mod shares;
 pub mod survival;
 pub mod verdict;

@@ -7,9 +7,12 @@ use crate::study::comparison::{
     Aggregate, Comparison, Quantity, RunScore, Samples, summarize_scores,
 };
 use crate::study::cost::{Cost, costs};
+use crate::study::file::Scaling;
 use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
+use crate::study::scaling::{self, Method, TeamSize};
 use crate::text::markdown_cell;
+use seedbed_stats::Estimate;
 use seedbed_stats::shares::wilson_interval;
 
 /// A table of texts. The first column has names.
@@ -27,7 +30,8 @@ pub(super) fn all(results: &Results) -> Vec<Table> {
         .iter()
         .map(|measure| measure_table(results, **measure));
     let cost = std::iter::once(cost_table(results));
-    cost.chain(measures)
+    cost.chain(scaling_tables(results))
+        .chain(measures)
         .chain(comparisons_table(results))
         .collect()
 }
@@ -94,6 +98,71 @@ fn cost_table(results: &Results) -> Table {
             "E(K)",
         ],
         rows: costs(results).iter().map(row).collect(),
+    }
+}
+
+/// What teams of each size gain, and how each method's measure falls with the size of the team. Empty if
+/// the study does not ask for it.
+fn scaling_tables(results: &Results) -> Vec<Table> {
+    let scaling = results.study.scaling.as_ref();
+    scaling.map_or(Vec::new(), |scaling| {
+        vec![
+            team_sizes_table(results, scaling),
+            slopes_table(results, *scaling.measure),
+        ]
+    })
+}
+
+fn team_sizes_table(results: &Results, scaling: &Scaling) -> Table {
+    let optional = |estimate: Option<Estimate>| estimate.map_or("–".to_owned(), format::estimate);
+    let row = |team: &TeamSize<'_>| {
+        let efficiency = team
+            .speedup
+            .map(|speedup| speedup.value / f64::from(team.agents));
+        vec![
+            team.cell.to_owned(),
+            team.agents.to_string(),
+            format::estimate(team.mean),
+            format::number(team.worst),
+            optional(team.speedup),
+            efficiency.map_or("–".to_owned(), format::number),
+            optional(team.diversity_gap),
+        ]
+    };
+    let sizes = scaling::team_sizes(results, scaling);
+    Table {
+        title: format!("Sizes of teams: {}", scaling.measure.title()),
+        head: vec![
+            "cell",
+            "K",
+            "mean (95 % interval)",
+            "mean of the worst twentieth",
+            "S(K)",
+            "E(K)",
+            "D(K)",
+        ],
+        rows: sizes.iter().map(row).collect(),
+    }
+}
+
+fn slopes_table(results: &Results, measure: Measure) -> Table {
+    let row = |(method, slope): &(Method<'_>, Option<Estimate>)| {
+        let agents = method.cells.iter().map(|cell| cell.description.agents);
+        let agents: Vec<String> = agents.map(|agents| agents.to_string()).collect();
+        vec![
+            method.name.clone(),
+            agents.join(", "),
+            slope.map_or("–".to_owned(), format::estimate),
+        ]
+    };
+    let slopes = scaling::slopes(results, measure);
+    Table {
+        title: format!(
+            "Slopes: logarithm of {} over the logarithm of K",
+            measure.title()
+        ),
+        head: vec!["method", "K", "slope (95 % interval)"],
+        rows: slopes.iter().map(row).collect(),
     }
 }
 

@@ -1,10 +1,12 @@
 //! Figures of a report, drawn from the runs of a study.
 
 mod measures;
+mod scaling;
 
 use rayon::prelude::*;
 
 use self::measures::{groups, intervals, profiles, unsolved};
+use self::scaling::{Differences, differences, scaling};
 use super::ReportFigure;
 use crate::plotting::axis_with_outside;
 use crate::record::BonusRange;
@@ -89,6 +91,25 @@ fn draw_figure(results: &Results, figure: &Figure) -> Option<UnnumberedFigure> {
             &groups(&cells, over),
             measure.as_ref().map_or(main_measure, |measure| **measure),
         ),
+        Figure::Scaling { measure, .. } => {
+            let measure = measure.as_ref().map_or(main_measure, |measure| **measure);
+            scaling(results, &cells, measure)
+        }
+        Figure::Differences {
+            measure,
+            compare,
+            columns,
+            rows,
+            ..
+        } => {
+            let measure = measure.as_ref().map_or(main_measure, |measure| **measure);
+            let compared = Differences {
+                compare: [&compare.0, &compare.1],
+                columns,
+                rows,
+            };
+            differences(results, &cells, measure, &compared)?
+        }
     };
     let title = if figure.title().is_empty() {
         drawing.title
