@@ -42,6 +42,7 @@ mod runs;
 mod sparkline;
 mod study;
 mod tune;
+mod verify;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -359,6 +360,7 @@ struct EvaluateArgs {
   seedbed study scenarios/thesis/fig_6_4a.ron --shard $SLURM_ARRAY_TASK_ID/40    one of 40 parts of the runs
   seedbed study scenarios/thesis/fig_6_4a.ron --merge ~/other_cluster/fig_6_4a   unite results
   seedbed study scenarios/thesis/fig_6_4a.ron --verify    repeat ten stored runs and compare bits
+  seedbed study scenarios/thesis/*.ron --confirm --verify=2%    the same with 2 % of the published runs
   seedbed study mine.ron --power                          how many runs each confirmatory claim needs
   seedbed study mine.ron --register                       fix claims, cells and numbers of runs in mine.ron.lock
   seedbed study mine.ron --confirm                        run what is registered, with run seeds of its own
@@ -407,11 +409,11 @@ struct StudyArgs {
     #[arg(long, value_name = "DIR", num_args = 1..)]
     #[arg(conflicts_with_all = ["list", "index", "shard", "verify", "power", "register", "retry"])]
     merge: Vec<PathBuf>,
-    /// Repeat N stored runs and check that results are bit-identical; stored results are not
-    /// changed [default: 10]
+    /// Repeat N stored or published runs, or a share such as 2%, and check that results are
+    /// bit-identical; stored results are not changed [default: 10]
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "10")]
-    #[arg(value_parser = clap::value_parser!(u16).range(1..), conflicts_with_all = ["list", "index", "retry"])]
-    verify: Option<u16>,
+    #[arg(conflicts_with_all = ["list", "index", "retry"])]
+    verify: Option<verify::Amount>,
     /// Print the number of runs that each confirmatory claim needs, and run nothing
     #[arg(long, conflicts_with_all = ["list", "index", "retry", "verify", "quick"])]
     power: bool,

@@ -1,24 +1,19 @@
 //! `seedbed study`: runs what is missing in a study, and prints the verdicts on its claims.
 
 use std::path::Path;
-use std::sync::Mutex;
-use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use jiff::Timestamp;
 
 use super::execution::{
-    LOCK_IS_INTACT, damage_message, damaged_file, describe_run, execute_runs, interruption_error,
-    jobs, keeps_result, lock_folder, print_failures, print_finished, warn_of_damaged_files,
+    describe_run, execute_runs, interruption_error, jobs, keeps_result, lock_folder,
+    print_failures, print_finished, warn_of_damaged_files,
 };
-use super::interruption::StopRequests;
-use super::progress::StudyProgress;
-use super::{CliError, StudyArgs, job_script, memory, merge, pluralize, report};
-use seedbed::study::plan::{PlannedRun, StudyPlan};
+use super::{CliError, StudyArgs, job_script, memory, merge, pluralize, report, verify};
+use seedbed::study::plan::StudyPlan;
 use seedbed::study::power::powers;
 use seedbed::study::registration::{Lock, RegistrationError};
 use seedbed::study::run_marks::RunMark;
-use seedbed::study::runner;
 use seedbed::study::shard::Shard;
 use seedbed::study::store::{RunState, StudyFolder};
 use seedbed_stats::power::MAX_RUNS;
@@ -73,8 +68,8 @@ fn execute(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<u
         return run_one(args, plan, folder, index);
     } else if let Some(shard) = args.shard {
         return run_shard(args, plan, folder, shard);
-    } else if let Some(max_runs) = args.verify {
-        return verify(args, plan, folder, max_runs.into());
+    } else if let Some(amount) = args.verify {
+        return verify::verify(args, plan, folder, amount);
     } else {
         return run_all(args, plan, folder);
     }
@@ -491,105 +486,6 @@ fn print_results_of_others(plan: &StudyPlan) {
             note!("warning: cell `{}`: {warning}", cell.name);
         }
     }
-}
-
-/// Repeats at most `max_runs` of the stored runs and compares the results. Returns the number of
-/// runs whose result differs.
-fn verify(
-    args: &StudyArgs,
-    plan: &StudyPlan,
-    folder: &StudyFolder,
-    max_runs: usize,
-) -> Result<usize, CliError> {
-    check_same_study(plan, folder)?;
-    let runs = plan.distinct_runs();
-    if let Some(path) = runs.iter().find_map(|run| damaged_file(run, folder)) {
-        return Err(CliError::Usage(damage_message(&path)));
-    }
-    let stored: Vec<PlannedRun<'_>> = runs
-        .into_iter()
-        .filter(|run| folder.stored_run(run).is_some())
-        .collect();
-    if stored.is_empty() {
-        return Err(CliError::Usage(format!(
-            "{} contains no runs of this study to verify",
-            folder.path().display()
-        )));
-    }
-    let to_repeat = evenly_spaced(&stored, max_runs);
-    let differing = repeat_and_compare(args, &to_repeat, folder, &plan.name)?;
-    print_verification(plan, folder, [to_repeat.len(), stored.len()], &differing);
-    Ok(differing.len())
-}
-
-/// Repeats stored runs. Returns the runs whose result differs from the stored result, in the order
-/// of their indices.
-fn repeat_and_compare<'a>(
-    args: &StudyArgs,
-    runs: &'a [PlannedRun<'a>],
-    folder: &StudyFolder,
-    study_name: &str,
-) -> Result<Vec<PlannedRun<'a>>, CliError> {
-    let stop_requests = StopRequests::listen("stopping; stored results are unchanged");
-    let stop = stop_requests.flag();
-    let progress = Mutex::new(StudyProgress::new(study_name, runs));
-    let differing = Mutex::new(Vec::new());
-    runner::verify(
-        runs,
-        folder,
-        jobs(&args.execution),
-        stop,
-        &|run, is_same| {
-            progress.lock().expect(LOCK_IS_INTACT).run_finished(run);
-            if !is_same {
-                differing.lock().expect(LOCK_IS_INTACT).push(*run);
-            }
-        },
-    );
-    drop(progress);
-    if stop.load(Ordering::Relaxed) {
-        return Err(CliError::Runtime(
-            "interrupted; stored results are unchanged".to_owned(),
-        ));
-    }
-    let mut differing = differing.into_inner().expect(LOCK_IS_INTACT);
-    differing.sort_by_key(|run| run.index);
-    Ok(differing)
-}
-
-fn print_verification(
-    plan: &StudyPlan,
-    folder: &StudyFolder,
-    [repeated, stored]: [usize; 2],
-    differing: &[PlannedRun<'_>],
-) {
-    let same = repeated - differing.len();
-    say!(
-        "verified   {}: {same} of {repeated} repeated runs are bit-identical ({} stored)",
-        plan.name,
-        pluralize(stored, "run")
-    );
-    for run in differing {
-        let file = folder.result_file(&run.cell.digest, run.run_seed);
-        note!(
-            "differs    {}",
-            describe_run(run, &file.display().to_string())
-        );
-    }
-    if !differing.is_empty() {
-        note!(
-            "the stored results come from other code or another kind of machine; delete {} to repeat all runs",
-            folder.runs_folder().display()
-        );
-    }
-}
-
-/// At most `max_runs` of the runs, evenly spaced over the study.
-fn evenly_spaced<'a>(runs: &[PlannedRun<'a>], max_runs: usize) -> Vec<PlannedRun<'a>> {
-    let count = max_runs.min(runs.len());
-    (0..count)
-        .map(|index| runs[index * runs.len() / count])
-        .collect()
 }
 
 /// An error if the runs, as many at once as there are threads, need more memory than there is.

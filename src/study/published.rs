@@ -22,9 +22,11 @@ use super::claims::ClaimResult;
 use super::comparison::RunScore;
 use super::cost::RunCost;
 use super::measure::Measure;
+use super::plan::PlannedRun;
 use super::provenance::{format_build_id, parse_build_id};
 use super::report::{self, column};
-use super::results::{Results, ResultsError};
+use super::results::{CellResults, Results, ResultsError};
+use super::runner::Outcome;
 use super::store::{self, StudyFolder};
 use crate::run::files;
 use crate::text::from_spreadsheet_cell;
@@ -82,6 +84,106 @@ pub fn write(
 #[must_use]
 pub fn is_published(folder: &StudyFolder) -> bool {
     folder.path().join(TABLE).is_file()
+}
+
+/// The rows of published runs, to compare repeated runs with.
+pub struct PublishedRuns {
+    /// The study, with its cells but without runs.
+    study: Results,
+    columns: HashMap<String, usize>,
+    /// Rows by the name of the cell and the run seed.
+    rows: HashMap<(String, u64), csv::StringRecord>,
+}
+
+impl PublishedRuns {
+    /// Reads the table in a folder of published results, which is checked.
+    ///
+    /// # Errors
+    /// If a file in the folder is damaged, or does not belong to the study.
+    pub fn read(folder: &StudyFolder) -> Result<Self, ResultsError> {
+        let mut study = Results::read(folder)?;
+        for cell in &mut study.cells {
+            *cell = CellResults::without_runs(cell.description.clone());
+        }
+        let path = folder.path().join(TABLE);
+        let damaged = |message: String| ResultsError::Table {
+            path: path.clone(),
+            line: None,
+            message,
+        };
+        let text = decompress(&path).map_err(|problem| damaged(problem.to_string()))?;
+        let (columns, records) =
+            read_records(text.as_bytes()).map_err(|problem| damaged(problem.to_string()))?;
+        let mut rows = HashMap::new();
+        for record in records {
+            let row = Row {
+                record,
+                columns: &columns,
+            };
+            let key = row.key().map_err(&damaged)?;
+            rows.insert(key, row.record);
+        }
+        Ok(Self {
+            study,
+            columns,
+            rows,
+        })
+    }
+
+    /// Whether the table has this run.
+    #[must_use]
+    pub fn contains(&self, run: &PlannedRun<'_>) -> bool {
+        self.rows.contains_key(&key_of(run))
+    }
+
+    /// Whether a repeated run has the values of its row, in all columns of the table.
+    #[must_use]
+    pub fn is_reproduced_by(&self, run: &PlannedRun<'_>, outcome: &Outcome) -> bool {
+        let Some(published) = self.rows.get(&key_of(run)) else {
+            return false;
+        };
+        let Ok((columns, repeated)) = self.row_of(run, outcome) else {
+            return false;
+        };
+        self.columns.iter().all(|(name, place)| {
+            let new = columns.get(name).and_then(|column| repeated.get(*column));
+            new == published.get(*place)
+        })
+    }
+
+    /// The row that the report writes for a run.
+    fn row_of(
+        &self,
+        run: &PlannedRun<'_>,
+        outcome: &Outcome,
+    ) -> io::Result<(HashMap<String, usize>, csv::StringRecord)> {
+        let mut cells = self.study.cells.iter();
+        let of_run = |cell: &&CellResults| cell.description.name == run.cell.name;
+        let mut cell = cells.find(of_run).ok_or(io::ErrorKind::NotFound)?.clone();
+        match outcome {
+            Ok(result) => cell.runs.push((run.run_seed, result.clone())),
+            Err(reason) => cell.failures.push((run.run_seed, reason.clone())),
+        }
+        let results = Results {
+            cells: vec![cell],
+            ..self.study.clone()
+        };
+        let (columns, mut records) = read_records(&report::csv(&results)?)?;
+        let record = records.pop().ok_or(io::ErrorKind::NotFound)?;
+        Ok((columns, record))
+    }
+}
+
+fn key_of(run: &PlannedRun<'_>) -> (String, u64) {
+    (run.cell.name.clone(), run.run_seed)
+}
+
+/// The places of the columns by their names, and the rows.
+fn read_records(bytes: &[u8]) -> csv::Result<(HashMap<String, usize>, Vec<csv::StringRecord>)> {
+    let mut reader = csv::Reader::from_reader(bytes);
+    let names = reader.headers()?.iter().map(str::to_owned);
+    let columns = names.zip(0..).collect();
+    Ok((columns, reader.records().collect::<csv::Result<_>>()?))
 }
 
 /// Fills in the cells of `results` from the table in the folder.
@@ -177,6 +279,12 @@ impl Row<'_> {
         value.ok_or_else(|| format!("expected a value in the column `{name}`"))
     }
 
+    /// Name of the cell and run seed.
+    fn key(&self) -> Result<(String, u64), String> {
+        let name = from_spreadsheet_cell(self.text("cell")?);
+        Ok((name.to_owned(), self.required("seed")?))
+    }
+
     fn cost(&self) -> Result<RunCost, String> {
         let (episodes, env_steps) = (self.value("episodes")?, self.value("env_steps")?);
         Ok(RunCost {
@@ -221,15 +329,14 @@ fn add_row(
     measures: &[Measure],
     row: &Row<'_>,
 ) -> Result<(), String> {
-    let name = from_spreadsheet_cell(row.text("cell")?);
-    let run_seed: u64 = row.required("seed")?;
+    let (name, run_seed) = row.key()?;
     let cell = results
         .cells
         .iter_mut()
         .find(|cell| cell.description.name == name);
     let cell = cell.ok_or_else(|| format!("the study has no cell `{name}`"))?;
     let is_of_cell = run_seeds
-        .get(name)
+        .get(&name)
         .is_some_and(|run_seeds| run_seeds.contains(&run_seed));
     if !is_of_cell || cell.has_run(run_seed) {
         return Err(format!(

@@ -11,6 +11,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::experiment::{RunControl, RunQueue, RunRequest};
 use super::plan::PlannedRun;
+use super::published::PublishedRuns;
 use super::run_marks::RunMarks;
 use super::run_result::RunResult;
 use super::shard::COST_PER_MINUTE;
@@ -70,15 +71,42 @@ pub fn verify<'a>(
     let runs = runs
         .iter()
         .filter_map(|run| Some((run, stored_windows(run)?)));
-    let on_begun = |_: &PlannedRun<'_>| {};
-    let compare = |run: &'a PlannedRun<'a>, outcome| {
+    repeat(runs, jobs, interrupted, &|run, outcome| {
         if let Some(stored) = folder.stored_run(run) {
             on_verified(run, stored.is_reproduced_by(&outcome));
         }
+    });
+}
+
+/// Repeats published runs from their beginning, and calls `on_verified` for each run with whether its row
+/// has the same values.
+pub fn verify_published<'a>(
+    runs: &'a [PlannedRun<'a>],
+    published: &PublishedRuns,
+    jobs: usize,
+    interrupted: &AtomicBool,
+    on_verified: &(dyn Fn(&'a PlannedRun<'a>, bool) + Sync),
+) {
+    let without_states = runs.iter().map(|run| (run, Vec::new()));
+    repeat(without_states, jobs, interrupted, &|run, outcome| {
+        on_verified(run, published.is_reproduced_by(run, &outcome));
+    });
+}
+
+/// Makes runs without storing anything.
+fn repeat<'a>(
+    runs: impl Iterator<Item = (&'a PlannedRun<'a>, Vec<u32>)>,
+    jobs: usize,
+    interrupted: &AtomicBool,
+    on_outcome: &(dyn Fn(&'a PlannedRun<'a>, Outcome) + Sync),
+) {
+    let on_begun = |_: &PlannedRun<'_>| {};
+    let on_outcome = |run: &'a PlannedRun<'a>, outcome| {
+        on_outcome(run, outcome);
         Ok(())
     };
     let control = RunControl::without_checkpoints(interrupted);
-    let never: Result<(), Infallible> = measure_all(runs, jobs, control, &on_begun, &compare);
+    let never: Result<(), Infallible> = measure_all(runs, jobs, control, &on_begun, &on_outcome);
     never.unwrap_or_else(|never| match never {});
 }
 
@@ -86,7 +114,7 @@ pub fn verify<'a>(
 const MAX_COST_TOGETHER: f64 = COST_PER_MINUTE;
 
 /// Result of a run, or why it failed.
-type Outcome = Result<RunResult, String>;
+pub(super) type Outcome = Result<RunResult, String>;
 
 /// What is done when a run begins.
 type OnBegun<'f> = &'f (dyn Fn(&PlannedRun<'_>) + Sync);

@@ -1,0 +1,227 @@
+//! `seedbed study --verify`: repeats stored or published runs, and compares their bits.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::execution::{LOCK_IS_INTACT, damage_message, damaged_file, describe_run, jobs};
+use super::interruption::StopRequests;
+use super::progress::StudyProgress;
+use super::study::check_same_study;
+use super::{CliError, StudyArgs, pluralize};
+use seedbed::study::plan::{PlannedRun, StudyPlan};
+use seedbed::study::published::{self, PublishedRuns};
+use seedbed::study::runner;
+use seedbed::study::store::StudyFolder;
+
+/// How many of the stored runs are repeated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Amount {
+    /// A number of runs.
+    Runs(usize),
+    /// A share of the runs, from 0 to 1, but at least one run.
+    Share(f64),
+}
+
+impl FromStr for Amount {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let expected = || "expected a number of runs from 1, or a share such as 2%".to_owned();
+        let Some(percent) = text.strip_suffix('%') else {
+            let runs = text.parse().ok().filter(|runs| *runs > 0);
+            return runs.map(Self::Runs).ok_or_else(expected);
+        };
+        let percent: Option<f64> = percent.trim_end().parse().ok();
+        let share = percent.filter(|percent| 0.0 < *percent && *percent <= 100.0);
+        share
+            .map(|percent| Self::Share(percent / 100.0))
+            .ok_or_else(expected)
+    }
+}
+
+impl Amount {
+    /// Number of runs of `stored`.
+    fn of(self, stored: usize) -> usize {
+        match self {
+            Self::Runs(runs) => runs.min(stored),
+            Self::Share(share) => ((share * stored as f64).ceil() as usize).clamp(1, stored),
+        }
+    }
+}
+
+/// Repeats some of the stored runs and compares the results; if there are none in `folder`, some of
+/// those that are published beside the study. Returns the number of runs whose result differs.
+pub(super) fn verify(
+    args: &StudyArgs,
+    plan: &StudyPlan,
+    folder: &StudyFolder,
+    amount: Amount,
+) -> Result<usize, CliError> {
+    let beside_study = StudyFolder::new(published_folder(&plan.path));
+    if published::is_published(folder) {
+        return verify_published(args, plan, folder, amount);
+    }
+    if args.out.is_none() && !folder.path().exists() && published::is_published(&beside_study) {
+        return verify_published(args, plan, &beside_study, amount);
+    }
+    verify_stored(args, plan, folder, amount)
+}
+
+/// Where the published results of a study are: `results/<study>` beside its file.
+fn published_folder(study: &Path) -> PathBuf {
+    let name = study.file_stem().unwrap_or_default();
+    study.with_file_name("results").join(name)
+}
+
+fn verify_stored(
+    args: &StudyArgs,
+    plan: &StudyPlan,
+    folder: &StudyFolder,
+    amount: Amount,
+) -> Result<usize, CliError> {
+    check_same_study(plan, folder)?;
+    let runs = plan.distinct_runs();
+    if let Some(path) = runs.iter().find_map(|run| damaged_file(run, folder)) {
+        return Err(CliError::Usage(damage_message(&path)));
+    }
+    let is_stored = |run: &PlannedRun<'_>| folder.stored_run(run).is_some();
+    let chosen = choose(runs, is_stored, amount, folder)?;
+    let differing = repeat(plan, &chosen.runs, &|runs, stop, on_verified| {
+        runner::verify(runs, folder, jobs(&args.execution), stop, on_verified);
+    })?;
+    chosen.print(plan, "stored", &differing, |run| {
+        folder.result_file(&run.cell.digest, run.run_seed)
+    });
+    if !differing.is_empty() {
+        note!(
+            "the stored results come from other code or another kind of machine; delete {} to repeat all runs",
+            folder.runs_folder().display()
+        );
+    }
+    Ok(differing.len())
+}
+
+fn verify_published(
+    args: &StudyArgs,
+    plan: &StudyPlan,
+    folder: &StudyFolder,
+    amount: Amount,
+) -> Result<usize, CliError> {
+    check_same_study(plan, folder)?;
+    let published = PublishedRuns::read(folder);
+    let published = published.map_err(|error| CliError::Usage(error.to_string()))?;
+    let is_published = |run: &PlannedRun<'_>| published.contains(run);
+    let chosen = choose(plan.distinct_runs(), is_published, amount, folder)?;
+    let differing = repeat(plan, &chosen.runs, &|runs, stop, on_verified| {
+        runner::verify_published(runs, &published, jobs(&args.execution), stop, on_verified);
+    })?;
+    chosen.print(plan, "published", &differing, |_| folder.path().to_owned());
+    Ok(differing.len())
+}
+
+/// The runs that are repeated, of all that are there.
+struct Chosen<'a> {
+    runs: Vec<PlannedRun<'a>>,
+    total: usize,
+}
+
+fn choose<'a>(
+    runs: Vec<PlannedRun<'a>>,
+    is_there: impl Fn(&PlannedRun<'_>) -> bool,
+    amount: Amount,
+    folder: &StudyFolder,
+) -> Result<Chosen<'a>, CliError> {
+    let there: Vec<PlannedRun<'a>> = runs.into_iter().filter(|run| is_there(run)).collect();
+    if there.is_empty() {
+        return Err(CliError::Usage(format!(
+            "{} contains no runs of this study to verify",
+            folder.path().display()
+        )));
+    }
+    Ok(Chosen {
+        runs: evenly_spaced(&there, amount.of(there.len())),
+        total: there.len(),
+    })
+}
+
+/// Repeats the given runs until the flag is set, and calls the function with whether each is the same.
+type Repeat<'a, 'f> =
+    &'f dyn Fn(&'a [PlannedRun<'a>], &AtomicBool, &(dyn Fn(&'a PlannedRun<'a>, bool) + Sync));
+
+/// Repeats runs. Returns those whose result differs, in the order of their indices.
+fn repeat<'a>(
+    plan: &StudyPlan,
+    runs: &'a [PlannedRun<'a>],
+    repeat: Repeat<'a, '_>,
+) -> Result<Vec<PlannedRun<'a>>, CliError> {
+    let stop_requests = StopRequests::listen("stopping; stored results are unchanged");
+    let stop = stop_requests.flag();
+    let progress = Mutex::new(StudyProgress::new(&plan.name, runs));
+    let differing = Mutex::new(Vec::new());
+    repeat(runs, stop, &|run, is_same| {
+        progress.lock().expect(LOCK_IS_INTACT).run_finished(run);
+        if !is_same {
+            differing.lock().expect(LOCK_IS_INTACT).push(*run);
+        }
+    });
+    drop(progress);
+    if stop.load(Ordering::Relaxed) {
+        return Err(CliError::Runtime(
+            "interrupted; stored results are unchanged".to_owned(),
+        ));
+    }
+    let mut differing = differing.into_inner().expect(LOCK_IS_INTACT);
+    differing.sort_by_key(|run| run.index);
+    Ok(differing)
+}
+
+impl Chosen<'_> {
+    /// Prints how many runs are the same, and each that differs with the file that says otherwise.
+    fn print(
+        &self,
+        plan: &StudyPlan,
+        state: &str,
+        differing: &[PlannedRun<'_>],
+        file: impl Fn(&PlannedRun<'_>) -> PathBuf,
+    ) {
+        let repeated = self.runs.len();
+        say!(
+            "verified   {}: {} of {repeated} repeated runs are bit-identical ({} {state})",
+            plan.name,
+            repeated - differing.len(),
+            pluralize(self.total, "run")
+        );
+        for run in differing {
+            note!(
+                "differs    {}",
+                describe_run(run, &file(run).display().to_string())
+            );
+        }
+    }
+}
+
+/// `count` of the runs, evenly spaced over the study.
+fn evenly_spaced<'a>(runs: &[PlannedRun<'a>], count: usize) -> Vec<PlannedRun<'a>> {
+    (0..count)
+        .map(|index| runs[index * runs.len() / count])
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn amounts_are_runs_or_shares() {
+        assert_eq!("10".parse(), Ok(Amount::Runs(10)));
+        assert_eq!("2%".parse(), Ok(Amount::Share(0.02)));
+        for text in ["0", "-1", "0%", "101%", "x", "1e9999%", ""] {
+            assert!(text.parse::<Amount>().is_err(), "{text}");
+        }
+        assert_eq!(Amount::Runs(10).of(4), 4);
+        assert_eq!(Amount::Share(0.02).of(3), 1);
+        assert_eq!(Amount::Share(0.02).of(101), 3);
+    }
+}
