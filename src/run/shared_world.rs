@@ -87,6 +87,9 @@ impl SharedWorld {
     pub fn begin(&mut self, trainer: Trainer) -> usize {
         let free_place = self.places.iter().position(Option::is_none);
         let place = free_place.expect("a place is free");
+        let first_copy = place * self.agents_per_run;
+        let copies = first_copy..first_copy + self.agents_per_run;
+        self.environment.set_run(copies, trainer.run_seed());
         self.places[place] = Some(RunInWorld {
             trainer,
             round: None,

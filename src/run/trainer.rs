@@ -324,6 +324,11 @@ impl Trainer {
         Ok(self.measure_round(updates, played.body_trajectories))
     }
 
+    /// The run seed.
+    pub(super) fn run_seed(&self) -> u64 {
+        self.settings.run_seed
+    }
+
     /// The team, which acts in a shared world.
     pub(super) fn team(&self) -> &dyn Team {
         &*self.team

@@ -248,6 +248,45 @@ fn teams_with_zero_step_sizes_solve_nothing() {
     );
 }
 
+/// With `drawn_per_run`, all agents and episodes of a run have the goal of the run seed, in all groups
+/// of copies.
+#[test]
+fn all_agents_of_a_run_have_the_goal_of_its_run_seed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shown.ron");
+    let text = r#"Environment(
+        extends: "ENVS/corridors_drawn.ron",
+        time_limit: 5,
+        observations: [(name: "x", range: (-6.0, 6.0)), (name: "goal", range: (0.0, 7.0))],
+    )"#;
+    let envs = Path::new(REPOSITORY).join("envs");
+    std::fs::write(&path, text.replace("ENVS", envs.to_str().unwrap())).unwrap();
+    for run_seed in 0..6 {
+        let environment = format!("environment={path:?}");
+        let seed = format!("seed={run_seed}");
+        let overrides = [environment, seed, "agents.count=5".to_owned()];
+        let scenario = Path::new(REPOSITORY).join("scenarios/corridors_drawn.ron");
+        let plan = Plan::load(&scenario, &overrides).unwrap_or_else(|error| panic!("{error}"));
+        let task = plan.description.for_run(run_seed);
+        let goal = task.body_task().unwrap().run_constants[0].value;
+        let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 2).unwrap();
+        let mut seen = 0;
+        for _ in 0..2 {
+            trainer.advance().unwrap();
+            for episode in trainer.newest_episodes() {
+                let goals = episode.observations.iter().skip(1).step_by(2);
+                goals.for_each(|&shown| assert_eq!(shown, goal, "run seed {run_seed}"));
+                seen += episode.observations.len() / 2;
+            }
+        }
+        assert_eq!(
+            seen,
+            2 * 5 * 6,
+            "two episodes of five agents, six states each"
+        );
+    }
+}
+
 /// With `drawn_per_run`, all agents and episodes of a run have the permutation of actions of the run
 /// seed. A move to the right has a reward that is not 0: its cost, and the treasure. Cell s has
 /// probabilities of left and right for both actions, `[4 s]` to `[4 s + 3]`.

@@ -122,6 +122,43 @@ fn runs_of_rigid_bodies_have_the_bits_of_runs_alone() {
     }
 }
 
+/// Runs whose tasks differ, because each draws the reward of a step. It is the mean reward of all
+/// episodes of the run.
+#[test]
+fn runs_of_drawn_tasks_have_the_bits_of_runs_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let task = r#"Environment(
+        extends: "ENVS/cartpole.ron",
+        drawn_per_run: [(name: "pay", value: Uniform(1.0, 2.0))],
+        reward: "pay",
+    )"#;
+    let envs = std::env::current_dir().unwrap().join("envs");
+    let path = folder.path().join("drawn.ron");
+    std::fs::write(&path, task.replace("ENVS", envs.to_str().unwrap())).unwrap();
+    let environment = format!("environment={path:?}");
+    let experiment = experiment("cartpole.ron", &[&environment, "stop=Episodes(6)"]);
+    assert_equal_bits(&*experiment, StopRule::Scenario);
+    let runs = results_together(&*experiment, 3, 7, StopRule::Scenario);
+    let mut paid: Vec<u32> = Vec::new();
+    for (run_seed, run) in (FIRST_RUN_SEED..).zip(runs) {
+        let pay = pay_of(&path, run_seed);
+        for agent in run.unwrap().returns {
+            let steps = agent.iter().map(|total| total / pay);
+            steps.for_each(|steps| assert!((steps - steps.round()).abs() < 1e-3, "{steps}"));
+        }
+        paid.push(pay.to_bits());
+    }
+    paid.sort_unstable();
+    paid.dedup();
+    assert_eq!(paid.len(), 7, "each run draws its own reward");
+}
+
+fn pay_of(task: &Path, run_seed: u64) -> f32 {
+    let task = seedbed::env::load(task).unwrap();
+    let task = task.for_run(run_seed);
+    task.body_task().unwrap().run_constants[0].value
+}
+
 #[test]
 fn runs_that_learn_during_episodes_have_the_bits_of_runs_alone() {
     let overrides = ["stop=Episodes(20)", "agents.count=3"];

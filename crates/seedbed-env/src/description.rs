@@ -8,11 +8,13 @@
 mod actuators;
 mod column_layout;
 mod distribution;
+mod run_constants;
 mod sensors;
 
 pub use actuators::{Actuator, Drive, Servo, ServoTarget};
 pub use column_layout::ColumnLayout;
 pub use distribution::Distribution;
+pub use run_constants::RunConstant;
 pub use sensors::{BodyPoint, Measurement, Ray, Sensor};
 
 use std::borrow::Cow;
@@ -56,7 +58,9 @@ pub struct BodyTask {
     pub colliders: Vec<Collider>,
     /// One actuator per component of an action, in the same order.
     pub actuators: Vec<Actuator>,
-    /// What formulas may read besides observations and actions.
+    /// Numbers that are drawn once per run, with their values in one run.
+    pub run_constants: Vec<RunConstant>,
+    /// What formulas may read besides constants of the run, observations and actions.
     pub sensors: Vec<Sensor>,
     /// Forces given by formulas, besides gravity.
     pub formula_forces: Vec<FormulaForce>,
@@ -323,12 +327,15 @@ impl TaskDescription {
         }
     }
 
-    /// The task of the run with this run seed: itself, or a tabular task with an MDP that is drawn
-    /// with the run seed.
+    /// The task of the run with this run seed: itself, or a tabular task with an MDP, or rigid
+    /// bodies with constants, that are drawn with the run seed.
     #[must_use]
     pub fn for_run(&self, run_seed: u64) -> Cow<'_, Self> {
         match self {
             Self::Tabular(task) if task.drawn_per_run.is_some() => {
+                Cow::Owned(task.for_run(run_seed).into())
+            }
+            Self::Bodies(task) if !task.run_constants.is_empty() => {
                 Cow::Owned(task.for_run(run_seed).into())
             }
             _ => Cow::Borrowed(self),
@@ -356,10 +363,21 @@ impl From<TabularTask> for TaskDescription {
 }
 
 impl BodyTask {
+    /// The task of the run with this run seed.
+    #[must_use]
+    pub fn for_run(&self, run_seed: u64) -> Self {
+        let mut task = self.clone();
+        for (index, constant) in task.run_constants.iter_mut().enumerate() {
+            constant.value = constant.draw(index, run_seed);
+        }
+        task
+    }
+
     /// The order of the columns that formulas read.
     #[must_use]
     pub fn column_layout(&self) -> ColumnLayout {
         ColumnLayout {
+            run_constant_count: self.run_constants.len(),
             sensor_count: self.sensors.len(),
             observation_count: self.spec.observations.len(),
             action_count: self.actuators.len(),

@@ -120,11 +120,15 @@ impl BodyEnvironment {
     fn new(task: &BodyTask, dynamics: Box<dyn Dynamics>, copies: usize) -> Self {
         let columns = task.column_layout();
         let formulas = &task.formulas;
+        let mut table = ValueTable::new(columns.count(), copies);
+        for (column, constant) in task.run_constants.iter().enumerate() {
+            table.column_mut(column).fill(constant.value);
+        }
         let previous_columns = columns.first_previous_value()..columns.count();
         Self {
             columns,
             dynamics,
-            table: ValueTable::new(columns.count(), copies),
+            table,
             observation_formulas: formulas
                 .observations
                 .iter()
@@ -173,6 +177,13 @@ impl Environment for BodyEnvironment {
         self.observe(copy..copy + 1);
     }
 
+    fn set_run(&mut self, copies: Range<usize>, run_seed: u64) {
+        for (index, constant) in self.task.run_constants.iter().enumerate() {
+            let value = constant.draw(index, run_seed);
+            self.table.column_mut(index)[copies.clone()].fill(value);
+        }
+    }
+
     fn step(&mut self, actions: &[f32]) {
         assert_eq!(
             actions.len(),
@@ -182,7 +193,7 @@ impl Environment for BodyEnvironment {
         self.write_controls(actions);
         if self.reads_previous {
             self.table.copy_columns(
-                0..self.columns.first_action(),
+                self.columns.first_sensor()..self.columns.first_action(),
                 self.columns.first_previous_value(),
             );
         }
@@ -234,6 +245,7 @@ impl Environment for BodyEnvironment {
         if saved.values.len() != self.columns.count() || saved.observation.len() != width {
             return Err("the saved state has other observations or sensors".to_owned());
         }
+        self.check_run_constants(copy, &saved.values)?;
         self.dynamics.restore(copy, &saved.dynamics)?;
         self.table.set_row(copy, &saved.values);
         self.episodes.observations[copy * width..][..width].copy_from_slice(&saved.observation);
@@ -266,6 +278,22 @@ impl Environment for BodyEnvironment {
 }
 
 impl BodyEnvironment {
+    /// A saved state continues in a copy of the same run only: other constants of the run would be
+    /// another task.
+    fn check_run_constants(&self, copy: usize, row: &[f32]) -> Result<(), String> {
+        for (index, constant) in self.task.run_constants.iter().enumerate() {
+            let (saved, own) = (row[index], self.table.column(index)[copy]);
+            if saved != own {
+                return Err(format!(
+                    "the saved state is of a run in which `{}` is {saved}, but it is {own} in this \
+                     run: expected a state of a run with the same run seed",
+                    constant.name
+                ));
+            }
+        }
+        Ok(())
+    }
+
     /// Translates actions into controls, in the table's action columns.
     fn write_controls(&mut self, actions: &[f32]) {
         let width = self.columns.action_count;

@@ -20,7 +20,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 pub use actuators::{ActuatorKind, ForceFrame};
-pub use checked::{Direction, Interval, Name, Vector};
+pub use checked::{Direction, Interval, Name, Vector, WholeNumbers};
 pub use sensors::{Axis, SensorKind};
 pub use surfaces::{Collider, Geom, Points};
 
@@ -72,6 +72,9 @@ pub struct TaskFile {
     /// angle of its frame in the world.
     #[serde(default, deserialize_with = "short_list")]
     pub joints: Vec<Joint>,
+    /// Numbers that are drawn once per run and that formulas read by name.
+    #[serde(default, deserialize_with = "short_list")]
+    pub drawn_per_run: Vec<RunConstant>,
     /// What the agent drives.
     #[serde(deserialize_with = "short_list")]
     pub actuators: Vec<Actuator>,
@@ -279,6 +282,17 @@ pub enum Control {
 #[serde(try_from = "Vec<FiniteNumber>")]
 pub struct DiscreteValues(Vec<FiniteNumber>);
 
+/// A number that is drawn once per run, the same for all agents and episodes of the run.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunConstant {
+    /// Name by which formulas read it, unique among constants of the run, sensors, observations and
+    /// actions; only an observation that shows it may have the same name.
+    pub name: Located<Name>,
+    /// Its distribution over runs.
+    pub value: Distribution,
+}
+
 /// A measured number.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -330,6 +344,8 @@ pub enum Distribution {
     Uniform(Interval),
     /// `Normal(mean, deviation)`: Gaussian.
     Normal(FiniteNumber, Positive),
+    /// `WholeNumber(from: 0, to: 7)`: each whole number of the range with equal probability.
+    WholeNumber(WholeNumbers),
 }
 
 /// The analytic model of a task.

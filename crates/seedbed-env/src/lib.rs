@@ -161,6 +161,12 @@ pub trait Environment: Send {
     /// Starts a new episode in `copy`, with a start state drawn from `random`.
     fn reset(&mut self, copy: usize, random: &mut Stream);
 
+    /// Sets the constants of the task that are drawn once per run to those of the run with this run
+    /// seed, in some copies. They have the values of
+    /// [`for_run`](crate::TaskDescription::for_run); other copies keep theirs. The default, for tasks
+    /// whose copies all belong to one run, does nothing.
+    fn set_run(&mut self, _copies: std::ops::Range<usize>, _run_seed: u64) {}
+
     /// Advances every live copy by one control step.
     ///
     /// `actions`: `[M × action width]`, one row per copy. A discrete action is the index of its

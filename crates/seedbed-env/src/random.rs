@@ -42,6 +42,9 @@ pub enum Purpose {
     BonusProbe = 12,
     /// The noise that an agent adds to the rewards of one trajectory, with [`transition_stream`].
     FreshRewardNoise = 13,
+    /// A number of a task of rigid bodies that is drawn once per run. The index of the number takes
+    /// the place of the agent.
+    RunConstant = 14,
     /// The MDP of a tabular task, drawn from its prior once per run or, with `drawn_with`, once for
     /// all runs.
     TabularTask = 40,

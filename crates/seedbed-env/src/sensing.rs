@@ -14,6 +14,8 @@ use super::physics::Geometry;
 
 /// Reads the sensors of a task.
 pub(super) struct SensorReader {
+    /// Column of the first sensor.
+    first_column: usize,
     measurements: Vec<Measurement>,
     /// Sensors that are formulas over earlier ones, with their columns.
     formulas: Vec<(usize, Evaluator)>,
@@ -37,13 +39,18 @@ impl SensorReader {
             .map(|sensor| sensor.measurement.clone())
             .collect();
         let tree = KinematicTree::new(task);
+        let first_column = task.column_layout().first_sensor();
         Self {
+            first_column,
             needs_frames: measurements.iter().any(depends_on_frames),
             formulas: measurements
                 .iter()
                 .enumerate()
-                .filter_map(|(column, measurement)| {
-                    Some((column, formula_evaluator(measurement, copies)?))
+                .filter_map(|(index, measurement)| {
+                    Some((
+                        first_column + index,
+                        formula_evaluator(measurement, copies)?,
+                    ))
                 })
                 .collect(),
             measurements,
@@ -55,15 +62,15 @@ impl SensorReader {
         }
     }
 
-    /// Writes the measurements of some copies into the first columns of the table.
+    /// Writes the measurements of some copies into the columns of the sensors.
     pub(super) fn read(
         &mut self,
         coordinates: &CoordinateColumns,
         copies: Range<usize>,
         table: &mut ValueTable,
     ) {
-        for (column, measurement) in self.measurements.iter().enumerate() {
-            let column = &mut table.column_mut(column)[copies.clone()];
+        for (index, measurement) in self.measurements.iter().enumerate() {
+            let column = &mut table.column_mut(self.first_column + index)[copies.clone()];
             match measurement {
                 Measurement::JointPosition(coordinate) => {
                     copy_values(&coordinates.positions(*coordinate)[copies.clone()], column);
@@ -106,9 +113,9 @@ impl SensorReader {
         }
         self.tree
             .compute_frames(&self.positions, &self.velocities, &mut self.frames);
-        for (column, measurement) in self.measurements.iter().enumerate() {
+        for (index, measurement) in self.measurements.iter().enumerate() {
             if let Some(value) = self.measure(measurement) {
-                table.column_mut(column)[copy] = value;
+                table.column_mut(self.first_column + index)[copy] = value;
             }
         }
     }

@@ -113,6 +113,9 @@ pub(crate) const KEYWORDS: &[&str] = &[
     "Constant",
     "Uniform",
     "Normal",
+    "WholeNumber",
+    "from",
+    "to",
     "velocity",
     "CartPole",
     "Pendulum",
@@ -490,6 +493,7 @@ impl BodyTaskText {
     fn text(&self, has_contacts: bool, random: &mut Stream) -> String {
         let names: Vec<String> = (0..self.sensors.len())
             .map(|index| format!("s{index}"))
+            .chain(["r0".to_owned()])
             .collect();
         let sensors: Vec<&str> = names.iter().map(String::as_str).collect();
         let all: Vec<&str> = sensors
@@ -539,6 +543,7 @@ impl BodyTaskText {
             ("joints", &self.joints),
             ("actuators", &self.actuators),
             ("sensors", &self.sensors),
+            ("drawn_per_run", &Self::run_constants(random)),
         ] {
             text += &format!("{field}: [{}], ", entries.join(", "));
         }
@@ -550,6 +555,20 @@ impl BodyTaskText {
         text + &sometimes(2, random, |random| {
             format!("terminated: \"{}\"", condition(&all, 2, random))
         }) + ")"
+    }
+
+    /// The number `r0`, which formulas read, and sometimes another one.
+    fn run_constants(random: &mut Stream) -> Vec<String> {
+        let value = |random: &mut Stream| match random.random_range(0..4) {
+            0 => format!("Constant({:?})", number(random)),
+            1 => format!("Uniform({})", interval(random)),
+            2 => format!("Normal({:?}, {:?})", number(random), positive(random)),
+            _ => "WholeNumber(from: -3, to: 16777216)".to_owned(),
+        };
+        let count = random.random_range(1..=2);
+        (0..count)
+            .map(|index| format!("(name: \"r{index}\", value: {})", value(random)))
+            .collect()
     }
 
     fn reset(&self, random: &mut Stream) -> String {

@@ -1,7 +1,7 @@
 //! The order of the columns that formulas read.
 
 /// Number of columns of each kind in the table that formulas read. The columns are in this order:
-/// sensors, observations, actions, formula forces, sensors before the step, observations before the
+/// constants of the run, sensors, observations, actions, formula forces, sensors before the step, observations before the
 /// step.
 ///
 /// The order matters. A formula may read only what is computed before it:
@@ -10,6 +10,8 @@
 /// that the dynamics receive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ColumnLayout {
+    /// Number of constants of the run.
+    pub run_constant_count: usize,
     /// Number of sensors.
     pub sensor_count: usize,
     /// Number of observations.
@@ -21,16 +23,22 @@ pub struct ColumnLayout {
 }
 
 impl ColumnLayout {
+    /// Column of the first sensor.
+    #[must_use]
+    pub fn first_sensor(&self) -> usize {
+        self.run_constant_count
+    }
+
     /// Column of the first observation.
     #[must_use]
     pub fn first_observation(&self) -> usize {
-        self.sensor_count
+        self.first_sensor() + self.sensor_count
     }
 
     /// Column of the first action component.
     #[must_use]
     pub fn first_action(&self) -> usize {
-        self.sensor_count + self.observation_count
+        self.first_observation() + self.observation_count
     }
 
     /// Column of the first formula force.

@@ -24,6 +24,13 @@ pub enum Distribution {
         /// Standard deviation.
         deviation: f64,
     },
+    /// Each whole number from `from` to `to`, with equal probability.
+    WholeNumber {
+        /// Minimum.
+        from: i32,
+        /// Maximum.
+        to: i32,
+    },
 }
 
 impl Distribution {
@@ -35,6 +42,7 @@ impl Distribution {
             Self::Normal { mean, deviation } => {
                 Normal::new(mean, deviation).map_or(mean, |normal| normal.sample(random))
             }
+            Self::WholeNumber { from, to } => f64::from(random.random_range(from..=to)),
         }
     }
 }
@@ -76,6 +84,11 @@ mod tests {
                     deviation: 0.5,
                 },
                 (-2.0, 0.5),
+            ),
+            // Eight numbers: a variance of (8² − 1) / 12.
+            (
+                Distribution::WholeNumber { from: -1, to: 6 },
+                (2.5, (63.0 / 12.0_f64).sqrt()),
             ),
         ] {
             let (mean, deviation) = moments(distribution);

@@ -16,6 +16,13 @@ pub struct Interval {
     high: f64,
 }
 
+/// The whole numbers from one to another, with from < to. Both have a value in single precision.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WholeNumbers {
+    from: i32,
+    to: i32,
+}
+
 /// A point or vector of the plane, m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(try_from = "(f64, f64)")]
@@ -36,6 +43,34 @@ impl Interval {
     #[must_use]
     pub fn get(self) -> [f64; 2] {
         [self.low, self.high]
+    }
+}
+
+impl WholeNumbers {
+    /// First and last number.
+    #[must_use]
+    pub fn get(self) -> [i32; 2] {
+        [self.from, self.to]
+    }
+
+    fn new(from: i64, to: i64) -> Result<Self, String> {
+        /// All whole numbers up to this one have a value in single precision.
+        const MAX: i64 = 1 << f32::MANTISSA_DIGITS;
+        let number = |number: i64| match i32::try_from(number) {
+            Ok(number) if i64::from(number).abs() <= MAX => Ok(number),
+            _ => Err(format!(
+                "expected whole numbers from -{MAX} to {MAX}, found {number}"
+            )),
+        };
+        if from >= to {
+            return Err(format!(
+                "expected whole numbers with from < to, found from: {from}, to: {to}"
+            ));
+        }
+        Ok(Self {
+            from: number(from)?,
+            to: number(to)?,
+        })
     }
 }
 
@@ -90,6 +125,7 @@ pub(super) enum UncheckedDistribution {
     Constant(FiniteNumber),
     Uniform(f64, f64),
     Normal(FiniteNumber, Positive),
+    WholeNumber { from: i64, to: i64 },
 }
 
 impl TryFrom<UncheckedControl> for Control {
@@ -113,6 +149,9 @@ impl TryFrom<UncheckedDistribution> for Distribution {
             UncheckedDistribution::Constant(value) => Ok(Self::Constant(value)),
             UncheckedDistribution::Uniform(low, high) => Ok(Self::Uniform((low, high).try_into()?)),
             UncheckedDistribution::Normal(mean, deviation) => Ok(Self::Normal(mean, deviation)),
+            UncheckedDistribution::WholeNumber { from, to } => {
+                Ok(Self::WholeNumber(WholeNumbers::new(from, to)?))
+            }
         }
     }
 }

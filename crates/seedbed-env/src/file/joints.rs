@@ -149,7 +149,7 @@ impl Resolver<'_> {
     /// Forces given by formulas of the state before a control step and of the action: the forces on
     /// joints, then the forces on bodies.
     pub(super) fn formula_forces(&self) -> Result<Vec<description::FormulaForce>, ValidationError> {
-        let mut variables = self.current_sensor_variables();
+        let mut variables = self.state_variables();
         variables.extend(self.action_variables());
         let mut forces = Vec::new();
         for (index, joint) in self.file.joints.iter().enumerate() {
@@ -179,7 +179,7 @@ impl Resolver<'_> {
     pub(super) fn display_offsets(
         &self,
     ) -> Result<Vec<description::DisplayOffset>, ValidationError> {
-        let sensors = self.current_sensor_variables();
+        let sensors = self.state_variables();
         let mut offsets = Vec::new();
         for (body, described) in self.file.bodies.iter().enumerate() {
             if let Some(offset) = &described.display_offset {
@@ -234,7 +234,7 @@ impl Resolver<'_> {
 }
 
 impl Distribution {
-    fn resolve(self) -> description::Distribution {
+    pub(super) fn resolve(self) -> description::Distribution {
         match self {
             Self::Constant(value) => description::Distribution::Constant(value.get()),
             Self::Uniform(interval) => {
@@ -245,6 +245,10 @@ impl Distribution {
                 mean: mean.get(),
                 deviation: deviation.get(),
             },
+            Self::WholeNumber(numbers) => {
+                let [from, to] = numbers.get();
+                description::Distribution::WholeNumber { from, to }
+            }
         }
     }
 }
@@ -277,6 +281,7 @@ fn check_start(start: &StartCoordinate, joint: &Joint) -> Result<(), ValidationE
         Distribution::Constant(value) => (value.get(), value.get()),
         Distribution::Uniform(interval) => (interval.get()[0], interval.get()[1]),
         Distribution::Normal(mean, _) => (mean.get(), mean.get()),
+        Distribution::WholeNumber(numbers) => numbers.get().map(f64::from).into(),
     };
     if low <= min && max <= high {
         return Ok(());

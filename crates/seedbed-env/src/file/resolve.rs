@@ -35,6 +35,7 @@ impl<'a> Resolver<'a> {
         // A force on a body has two components, each with a formula.
         let forces_on_bodies: usize = file.bodies.iter().map(|body| 2 * body.forces.len()).sum();
         let columns = ColumnLayout {
+            run_constant_count: file.drawn_per_run.len(),
             sensor_count: file.sensors.len(),
             observation_count: file.observations.len(),
             action_count: file.actuators.len(),
@@ -69,6 +70,7 @@ impl<'a> Resolver<'a> {
             free_bodies: self.free_bodies(),
             colliders,
             actuators: self.actuators()?,
+            run_constants: self.run_constants(),
             sensors: self.sensors()?,
             formula_forces: self.formula_forces()?,
             display_offsets: self.display_offsets()?,
@@ -76,6 +78,8 @@ impl<'a> Resolver<'a> {
             reset: self.start_coordinates()?,
             analytic_model: self.analytic_model()?,
         };
+        // Callers without a run, such as a check, see the task of run seed 0.
+        let task = task.for_run(0);
         self.check_servos(&task)?;
         self.check_armatures(&task)?;
         self.check_analytic_model(&task)?;
@@ -104,6 +108,10 @@ impl<'a> Resolver<'a> {
                 .filter_map(|collider| collider.name.as_ref()),
         )?;
         check_unique("joint", file.joints.iter().map(|joint| &joint.name))?;
+        check_unique(
+            "number that is drawn per run",
+            file.drawn_per_run.iter().map(|constant| &constant.name),
+        )?;
         check_unique("sensor", file.sensors.iter().map(|sensor| &sensor.name))?;
         check_unique(
             "observation",
@@ -115,6 +123,7 @@ impl<'a> Resolver<'a> {
             "actuator",
             file.actuators.iter().map(|actuator| &actuator.name),
         )?;
+        self.check_sensor_names()?;
         self.check_actuator_names()?;
         match file.bodies.iter().find(|body| body.name.as_ref() == WORLD) {
             Some(body) => Err(body
@@ -124,8 +133,24 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Formulas read sensors, observations and actions, so that these share one set of names. Only
-    /// an observation may have the name of a sensor: it is that sensor.
+    /// A sensor must not have the name of a number that is drawn per run.
+    fn check_sensor_names(&self) -> Result<(), ValidationError> {
+        for sensor in &self.file.sensors {
+            let name = &sensor.name;
+            let mut constants = self.file.drawn_per_run.iter();
+            if constants.any(|constant| constant.name == *name) {
+                return Err(name.error(format!(
+                    "`{}` already names a number in `drawn_per_run`: choose another name",
+                    name.as_ref()
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Formulas read numbers that are drawn per run, sensors, observations and actions, so that these
+    /// share one set of names. Only an observation may have the name of a sensor or of a number that
+    /// is drawn per run: it shows it.
     fn check_actuator_names(&self) -> Result<(), ValidationError> {
         let file = self.file;
         for actuator in &file.actuators {
@@ -133,6 +158,13 @@ impl<'a> Resolver<'a> {
             let is_sensor = file.sensors.iter().any(|sensor| sensor.name == *name);
             let mut observations = file.observations.iter();
             let is_observation = observations.any(|observation| observation.name == *name);
+            let mut constants = file.drawn_per_run.iter();
+            if constants.any(|constant| constant.name == *name) {
+                return Err(name.error(format!(
+                    "`{}` already names a number in `drawn_per_run`: choose another name",
+                    name.as_ref()
+                )));
+            }
             if is_sensor || is_observation {
                 return Err(name.error(format!(
                     "`{}` already names a sensor or an observation: choose another name",
@@ -289,22 +321,46 @@ impl<'a> Resolver<'a> {
     fn sensor_variables(&self) -> Vec<Variable> {
         let sensors = self.file.sensors.iter().enumerate();
         sensors
-            .map(|(column, sensor)| Variable {
+            .map(|(index, sensor)| Variable {
                 name: sensor.name.value().as_ref().to_owned(),
-                column,
-                previous: Some(self.columns.first_previous_value() + column),
+                column: self.columns.first_sensor() + index,
+                previous: Some(self.columns.first_previous_value() + index),
             })
             .collect()
     }
 
-    /// The sensors without their values before the step: observations and forces depend only on the
-    /// current state.
-    pub(super) fn current_sensor_variables(&self) -> Vec<Variable> {
-        let mut sensors = self.sensor_variables();
-        for sensor in &mut sensors {
-            sensor.previous = None;
+    /// The constants of the run. They have no values before the step.
+    fn run_constant_variables(&self) -> Vec<Variable> {
+        let constants = self.file.drawn_per_run.iter().enumerate();
+        constants
+            .map(|(column, constant)| Variable {
+                name: constant.name.value().as_ref().to_owned(),
+                column,
+                previous: None,
+            })
+            .collect()
+    }
+
+    fn run_constants(&self) -> Vec<description::RunConstant> {
+        let constants = self.file.drawn_per_run.iter();
+        constants
+            .map(|constant| description::RunConstant {
+                name: constant.name.value().as_ref().to_owned(),
+                distribution: constant.value.resolve(),
+                value: 0.0,
+            })
+            .collect()
+    }
+
+    /// The constants of the run, and the sensors without their values before the step: observations
+    /// and forces depend only on the current state.
+    pub(super) fn state_variables(&self) -> Vec<Variable> {
+        let mut variables = self.run_constant_variables();
+        variables.extend(self.sensor_variables());
+        for variable in &mut variables {
+            variable.previous = None;
         }
-        sensors
+        variables
     }
 
     /// The actions, under their actuators' names.
@@ -319,7 +375,8 @@ impl<'a> Resolver<'a> {
             .collect()
     }
 
-    /// Observations, then the sensors that are not observed under their own name, then actions.
+    /// Observations, then the sensors and constants of the run that are not observed under their own
+    /// name, then actions.
     fn all_variables(&self) -> Vec<Variable> {
         let observations = self.file.observations.iter().enumerate();
         let first_previous_observation =
@@ -331,23 +388,26 @@ impl<'a> Resolver<'a> {
                 previous: Some(first_previous_observation + index),
             })
             .collect();
-        for sensor in self.sensor_variables() {
-            if variables.iter().all(|known| known.name != sensor.name) {
-                variables.push(sensor);
+        let sensors_and_constants = self.sensor_variables();
+        for variable in [sensors_and_constants, self.run_constant_variables()].concat() {
+            if variables.iter().all(|known| known.name != variable.name) {
+                variables.push(variable);
             }
         }
         variables.extend(self.action_variables());
         variables
     }
 
-    /// The formula of an observation: its `value`, or else the sensor of the same name.
+    /// The formula of an observation: its `value`, or else the sensor or the constant of the run of
+    /// the same name.
     fn observation(&self, observation: &Observation) -> Result<Program, ValidationError> {
-        let sensors = self.current_sensor_variables();
+        let sensors = self.state_variables();
         let name = observation.name.value().as_ref();
         let is_sensor = sensors.iter().any(|sensor| sensor.name == name);
         match &observation.value {
             Some(_) if is_sensor => Err(observation.name.error(format!(
-                "`{name}` is also the name of a sensor: leave out `value`, or choose another name"
+                "`{name}` is also the name of {}: leave out `value`, or choose another name",
+                self.kind_of_state_variable(name)
             ))),
             Some(value) => formula(value, Type::Number, &sensors),
             None if is_sensor => compile(name, Type::Number, &sensors)
@@ -359,6 +419,15 @@ impl<'a> Resolver<'a> {
                     .unknown_name("sensor", names)
                     .with_help("an observation that is not a sensor needs a `value`"))
             }
+        }
+    }
+
+    fn kind_of_state_variable(&self, name: &str) -> &'static str {
+        let mut constants = self.file.drawn_per_run.iter();
+        if constants.any(|constant| constant.name.as_ref() == name) {
+            "a number in `drawn_per_run`"
+        } else {
+            "a sensor"
         }
     }
 

@@ -92,7 +92,7 @@ impl Resolver<'_> {
     fn measurement(&self, index: usize, kind: &SensorKind) -> Result<Measurement, ValidationError> {
         Ok(match kind {
             SensorKind::Formula(text) => {
-                let earlier = &self.current_sensor_variables()[..index];
+                let earlier = &self.state_variables()[..self.columns.first_sensor() + index];
                 Measurement::Formula(formula(text, Type::Number, earlier)?)
             }
             SensorKind::JointPosition(name) => {

@@ -8,6 +8,7 @@ mod contacts;
 mod contract;
 mod environments_page;
 mod physics;
+mod run_constants;
 mod smooth;
 mod tabular;
 mod tasks;

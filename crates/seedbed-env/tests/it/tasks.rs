@@ -3,22 +3,29 @@
 
 use rand::RngExt;
 use seedbed_env::random::{Purpose, Stream, stream};
-use seedbed_env::{Environment, Physics, Status, build, load};
+use seedbed_env::{Environment, Physics, Status, TaskDescription, build, load};
+
+fn task(name: &str) -> TaskDescription {
+    let path = crate::repository().join(format!("envs/{name}.ron"));
+    load(&path).unwrap_or_else(|error| panic!("{error}"))
+}
 
 fn environment(name: &str, copies: usize) -> Box<dyn Environment> {
-    let path = crate::repository().join(format!("envs/{name}.ron"));
-    build(
-        &load(&path).unwrap_or_else(|error| panic!("{error}")),
-        Physics::Rapier,
-        copies,
-    )
-    .expect("every task has rigid bodies")
+    build(&task(name), Physics::Rapier, copies).expect("every task has rigid bodies")
 }
 
 /// Returns and lengths of `episodes` episodes in one copy under `policy`, which maps an observation
 /// to an action.
 fn play(name: &str, episodes: u32, policy: &dyn Fn(&[f32]) -> Vec<f32>) -> Vec<(f32, u32)> {
-    let mut environment = environment(name, 1);
+    play_in(&mut *environment(name, 1), episodes, policy)
+}
+
+/// Like [`play`], in the only copy of an environment.
+fn play_in(
+    environment: &mut dyn Environment,
+    episodes: u32,
+    policy: &dyn Fn(&[f32]) -> Vec<f32>,
+) -> Vec<(f32, u32)> {
     let episode = |episode| {
         environment.reset(0, &mut stream(5, Purpose::Reset, 0, episode));
         let (mut total, mut steps) = (0.0, 0);
@@ -152,6 +159,139 @@ fn assert_reached_in_one_only(task: &str, other: &str, policy: &dyn Fn(&[f32]) -
         elsewhere.iter().all(|(total, _)| *total == 0.0),
         "{other}: {elsewhere:?}"
     );
+}
+
+/// The first run seed with which a task draws this number as its first one, and the task of its run.
+fn run_with(task: &TaskDescription, number: f32) -> TaskDescription {
+    let runs = (0..1000).map(|run_seed| task.for_run(run_seed).into_owned());
+    let has_number = |run: &TaskDescription| {
+        let bodies = run.body_task().expect("the task has rigid bodies");
+        bodies.run_constants[0].value == number
+    };
+    runs.into_iter()
+        .find(has_number)
+        .expect("one of 1000 runs draws it")
+}
+
+/// Unit vector along a corridor.
+fn direction(corridor: u8) -> [f32; 2] {
+    let angle = f32::from(corridor) * std::f32::consts::FRAC_PI_4;
+    [angle.cos(), angle.sin()]
+}
+
+/// The largest push along a corridor, and back to its middle.
+fn along_the_corridor(s: &[f32], corridor: u8) -> [f32; 2] {
+    let [x, y] = direction(corridor);
+    let aside = 4.0 * (x * s[1] - y * s[0]) + 2.0 * (x * s[3] - y * s[2]);
+    [x * 1.5 + y * aside, y * 1.5 - x * aside]
+}
+
+/// The push that has the effect of another one without the rules of a corridor in corridors.ron.
+fn against_the_rule(s: &[f32], corridor: u8, [x, y]: [f32; 2]) -> [f32; 2] {
+    match corridor {
+        _ if s[0] * s[0] + s[1] * s[1] < 1.69 => [x, y],
+        1 => [-x, -y],
+        2 => [y, -x],
+        _ => [x, y],
+    }
+}
+
+/// Plays 20 episodes in the run whose goal is `goal`, towards the end of `corridor`.
+fn play_corridor(name: &str, has_rules: bool, goal: u8, corridor: u8) -> Vec<(f32, u32)> {
+    let run = run_with(&task(name), f32::from(goal));
+    let mut environment = build(&run, Physics::Rapier, 1).expect("it has rigid bodies");
+    let policy = |s: &[f32]| {
+        let mut push = along_the_corridor(s, corridor);
+        if has_rules {
+            push = against_the_rule(s, corridor, push);
+        }
+        push.map(|push| push.clamp(-1.0, 1.0)).to_vec()
+    };
+    play_in(&mut *environment, 20, &policy)
+}
+
+/// A policy that knows the goal of the run reaches it, whichever of the eight it is; in the run of
+/// another goal, it is rewarded in no episode.
+fn assert_each_goal_can_be_reached(name: &str, has_rules: bool, max_steps: u32) {
+    for goal in 0..8 {
+        let episodes = play_corridor(name, has_rules, goal, goal);
+        assert!(
+            episodes
+                .iter()
+                .all(|&(total, steps)| total == 1.0 && steps <= max_steps),
+            "{name}, goal {goal}: {episodes:?}"
+        );
+        let elsewhere = play_corridor(name, has_rules, (goal + 1) % 8, goal);
+        assert!(
+            elsewhere.iter().all(|&(total, _)| total == 0.0),
+            "{name}, not the goal {goal}: {elsewhere:?}"
+        );
+    }
+}
+
+#[test]
+fn each_goal_that_a_run_draws_can_be_reached() {
+    assert_each_goal_can_be_reached("corridors_drawn_short", false, 60);
+    assert_each_goal_can_be_reached("corridors_drawn", false, 100);
+    assert_each_goal_can_be_reached("corridors_noisy", false, 100);
+    assert_each_goal_can_be_reached("corridors_rules", true, 200);
+}
+
+/// Noise is uniform from −1 to 1 in the noisy corridor: its mean and its autocorrelation are within
+/// five standard errors of 0, its variance is near 1/3, and it goes on when the puck is at rest.
+/// Elsewhere it is 0.
+#[test]
+fn one_corridor_is_noisy() {
+    let run = task("corridors_noisy").for_run(7).into_owned();
+    let constants = &run.body_task().expect("it has bodies").run_constants;
+    let [goal, turns] = [0, 1].map(|index| constants[index].value as u8);
+    let mut environment = build(&run, Physics::Rapier, 1).expect("it has rigid bodies");
+    let mut noise = Vec::new();
+    for corridor in (0..8).filter(|&corridor| corridor != goal) {
+        let seen = noise_in(&mut *environment, corridor);
+        if corridor == (goal + turns) % 8 {
+            noise = seen;
+        } else {
+            assert!(seen.iter().all(|&value| value == 0.0), "{corridor}");
+        }
+    }
+    let count = noise.len() as f32;
+    assert!(count > 1000.0, "{count}");
+    let mean = |values: &mut dyn Iterator<Item = f32>| values.sum::<f32>() / count;
+    let first = mean(&mut noise.iter().copied());
+    let second = mean(&mut noise.iter().map(|value| value * value));
+    let products = noise.windows(2).map(|pair| pair[0] * pair[1]);
+    let neighbors = mean(&mut products.into_iter());
+    let error = (1.0 / (3.0 * count)).sqrt();
+    assert!(first.abs() < 5.0 * error, "mean {first}");
+    assert!(
+        (second - 1.0 / 3.0).abs() < 5.0 * error,
+        "variance {second}"
+    );
+    assert!(neighbors.abs() < 5.0 * error, "autocorrelation {neighbors}");
+    // In single precision there are at least 1024 values between −1 and 1.
+    let repeated = noise.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    assert!(
+        repeated * 100 < noise.len(),
+        "it stops for {repeated} steps"
+    );
+}
+
+/// The noise of the steps that a policy spends beyond the hub in a corridor, mostly at its end.
+fn noise_in(environment: &mut dyn Environment, corridor: u8) -> Vec<f32> {
+    let mut seen = Vec::new();
+    for episode in 0..10 {
+        environment.reset(0, &mut stream(5, Purpose::Reset, 0, episode));
+        while environment.statuses()[0] == Status::Running {
+            let s = environment.observations().to_vec();
+            if s[0] * s[0] + s[1] * s[1] > 1.7 {
+                seen.push(s[8]);
+            }
+            let push = along_the_corridor(&s, corridor);
+            environment.step(&push.map(|push| push.clamp(-1.0, 1.0)));
+        }
+    }
+    seen
 }
 
 /// Three legs: to the right below the wall, up beyond it, to the left above it.
