@@ -42,6 +42,9 @@ pub enum Purpose {
     BonusProbe = 12,
     /// The noise that an agent adds to the rewards of one trajectory, with [`transition_stream`].
     FreshRewardNoise = 13,
+    /// The states of a round that an entropy bonus compares states with. The number of the update takes
+    /// the place of the round.
+    ReferenceStates = 14,
     /// The MDP of a tabular task, drawn from its prior once per run or, with `drawn_with`, once for
     /// all runs.
     TabularTask = 40,

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::config::*;
 use super::*;
 use crate::agent::TeamConfig;
-use crate::agent::bonus::{Bonus, ModelSharing, Rnd, Vime};
+use crate::agent::bonus::{Bonus, ModelSharing, Rnd, TeamEntropy, Vime};
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::AlgorithmConfig;
@@ -827,6 +827,13 @@ fn processes_have_the_bits_of_a_team_in_one() {
             ..Vime::default()
         })
     };
+    let entropy = |model| {
+        Bonus::TeamEntropy(TeamEntropy {
+            model,
+            references: ranged_count(10),
+            ..TeamEntropy::default()
+        })
+    };
     for (sharing, bonus) in [
         (Sharing::All, Bonus::None),
         (sampled, Bonus::None),
@@ -834,6 +841,8 @@ fn processes_have_the_bits_of_a_team_in_one() {
         (sampled, vime(ModelSharing::Independent)),
         (sampled, vime(ModelSharing::Frozen)),
         (sampled, Bonus::Rnd(Rnd::default())),
+        (sampled, entropy(ModelSharing::Shared)),
+        (sampled, entropy(ModelSharing::Independent)),
     ] {
         let config = SeedPg {
             sharing,
