@@ -62,6 +62,7 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "scenarios/cartpole_256.ron",
     "scenarios/cartpole_continuous.ron",
     "scenarios/cartpole_fast.ron",
+    "scenarios/cartpole_leader.ron",
     "scenarios/cartpole_on_policy.ron",
     "scenarios/cartpole_q.ron",
     "scenarios/cartpole_team.ron",

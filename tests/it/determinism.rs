@@ -218,6 +218,14 @@ fn a_crashed_run_with_an_entropy_bonus_resumes_to_the_same_bits() {
     ]);
 }
 
+#[test]
+fn a_crashed_run_of_a_leader_resumes_to_the_same_bits() {
+    assert_resumed_run_gives_the_same_bits(&[
+        "--set",
+        "algorithm=LeaderFollowers(observations: Running)",
+    ]);
+}
+
 /// Crashes a run ten rounds after a checkpoint, resumes it, and asserts that its results equal
 /// those of an uninterrupted run.
 fn assert_resumed_run_gives_the_same_bits(extra_arguments: &[&str]) {
