@@ -34,6 +34,7 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "skip connection": ("cartpole", ("algorithm=SeedTd(learning: (skip_connection: true))",)),
     "ensemble with priors": ("deep_sea_bootstrapped_dqn", ("algorithm.prior_scale=3.0",)),
     "index of each agent": ("deep_sea_hyperagent", ()),
+    "leader and followers": ("cartpole_leader", ()),
     "cross-entropy": ("cartpole", ("algorithm=CrossEntropy()",)),
     "discrete and continuous components": ("cartpole", ('environment="{mixed}"',)),
     "two discrete components": ("cartpole", ('environment="{switches}"',)),

@@ -75,7 +75,8 @@ pub enum AxisChoice {
         to: Located<FiniteNumber>,
     },
     /// The advantage of the action as estimated by the agent, before the update and before
-    /// standardization. Values outside the axis are drawn at its ends. Requires `SeedPg`.
+    /// standardization. Values outside the axis are drawn at its ends. Requires `SeedPg` or
+    /// `LeaderFollowers`.
     Advantage {
         /// Value at the lower end.
         #[serde(default = "minus_one")]
@@ -185,7 +186,7 @@ impl RecordingSettings {
             return Err(self.color.error(message));
         }
         if self.has_advantages() && !has_advantages {
-            let message = "only agents of `SeedPg` estimate advantages; expected Observations, Action, Reward, IntrinsicReward or Step";
+            let message = "only agents of `SeedPg` and `LeaderFollowers` estimate advantages; expected Observations, Action, Reward, IntrinsicReward or Step";
             return Err(self.axes.error(message));
         }
         self.check_axes()

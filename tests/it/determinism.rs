@@ -203,6 +203,29 @@ fn a_crashed_run_with_a_vime_bonus_resumes_to_the_same_bits() {
     ]);
 }
 
+/// The checkpoint includes the states that bonuses compare states with.
+#[test]
+fn a_crashed_run_with_an_entropy_bonus_resumes_to_the_same_bits() {
+    for model in ["Shared", "Independent"] {
+        let bonus = format!("algorithm.bonus=TeamEntropy(model: {model}, references: 100)");
+        assert_resumed_run_gives_the_same_bits(&["--set", &bonus]);
+    }
+    assert_resumed_run_gives_the_same_bits(&[
+        "--set",
+        "algorithm=SeedTd(models: Ensemble(most: 2), bonus: TeamEntropy(references: 100))",
+        "--set",
+        "schedule=Lockstep(learn_every: 4)",
+    ]);
+}
+
+#[test]
+fn a_crashed_run_of_a_leader_resumes_to_the_same_bits() {
+    assert_resumed_run_gives_the_same_bits(&[
+        "--set",
+        "algorithm=LeaderFollowers(observations: Running)",
+    ]);
+}
+
 /// Crashes a run ten rounds after a checkpoint, resumes it, and asserts that its results equal
 /// those of an uninterrupted run.
 fn assert_resumed_run_gives_the_same_bits(extra_arguments: &[&str]) {

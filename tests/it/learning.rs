@@ -103,6 +103,26 @@ fn eight_agents_swing_up_the_pendulum() {
     );
 }
 
+/// The team's return is the mean over the leader and fifteen followers.
+#[test]
+fn a_leader_and_its_followers_solve_the_cartpole() {
+    assert!(is_solved_in(2, "cartpole_leader.ron", &[], 200));
+    assert!(!is_solved_in(
+        1,
+        "cartpole_leader.ron",
+        &["algorithm=Random"],
+        50
+    ));
+}
+
+/// Without the bonus, none of six teams solved the task in 60 episodes.
+#[test]
+fn team_entropy_lets_teams_solve_the_sparse_mountain_car() {
+    let scenario_file = "mountain_car_team_entropy.ron";
+    assert!(is_solved_in(2, scenario_file, &[], 40));
+    assert!(!is_solved_in(1, scenario_file, &["algorithm=Random"], 40));
+}
+
 #[test]
 fn q_learning_solves_the_cartpole() {
     assert!(is_solved_in(

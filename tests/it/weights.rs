@@ -179,6 +179,14 @@ fn tensors_of_bonus_models() {
         ]
         .concat()
     };
+    let entropy = |owner: &str, references: usize| {
+        [
+            list(&format!("{owner}.bonus.observations.center"), 4),
+            list(&format!("{owner}.bonus.observations.half_range"), 4),
+            vec![(format!("{owner}.bonus.references"), vec![references, 4])],
+        ]
+        .concat()
+    };
     let medians = |agents| -> Vec<(String, Vec<usize>)> {
         let agents: std::ops::Range<u32> = agents;
         agents
@@ -199,6 +207,14 @@ fn tensors_of_bonus_models() {
         (
             "Rnd(hidden: [3], outputs: 7, model: Frozen)",
             [own(&rnd), medians(0..2)].concat(),
+        ),
+        (
+            "TeamEntropy(references: 9)",
+            [entropy("team", 9), medians(0..2)].concat(),
+        ),
+        (
+            "TeamEntropy(references: 5, model: Independent, scale: Raw())",
+            own(&|owner| entropy(owner, 5)),
         ),
     ] {
         let bonus = format!("algorithm.bonus={bonus}");
@@ -351,6 +367,7 @@ fn all_tensors_and_keys_are_documented() {
     for algorithm in [
         "SeedPg(observations: Running, bonus: Vime(seeds: Scale))",
         "SeedPg(observations: Range, bonus: Rnd())",
+        "SeedPg(bonus: TeamEntropy())",
         "SeedTd(learning: (observations: Running), bonus: Vime(seeds: Scale))",
         "QLearning()",
         "HyperAgent()",

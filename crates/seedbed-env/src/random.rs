@@ -45,6 +45,9 @@ pub enum Purpose {
     /// A number of a task of rigid bodies that is drawn once per run. The index of the number takes
     /// the place of the agent.
     RunConstant = 14,
+    /// The states of a round that an entropy bonus compares states with. The number of the update takes
+    /// the place of the round.
+    ReferenceStates = 15,
     /// The MDP of a tabular task, drawn from its prior once per run or, with `drawn_with`, once for
     /// all runs.
     TabularTask = 40,

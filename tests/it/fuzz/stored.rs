@@ -25,7 +25,7 @@ use crate::state_files::{frame, small_file};
 use crate::util::{files_below, run_successful};
 
 /// Algorithms of the runs whose checkpoints are changed, with their schedules.
-const ALGORITHMS: [(&str, &str); 7] = [
+const ALGORITHMS: [(&str, &str); 9] = [
     (
         "seed_pg",
         "algorithm: SeedPg(hidden: [4], bonus: Vime(model: Independent, hidden: [4])), schedule: Asynchronous()",
@@ -33,6 +33,14 @@ const ALGORITHMS: [(&str, &str); 7] = [
     (
         "rnd",
         "algorithm: SeedPg(hidden: [4], bonus: Rnd(hidden: [4])), schedule: Synchronous(episodes: 2)",
+    ),
+    (
+        "team_entropy",
+        "algorithm: SeedPg(hidden: [4], bonus: TeamEntropy(references: 20)), schedule: Synchronous()",
+    ),
+    (
+        "leader",
+        "algorithm: LeaderFollowers(hidden: [4]), schedule: Synchronous()",
     ),
     (
         "q_learning",

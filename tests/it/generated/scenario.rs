@@ -11,6 +11,7 @@ use seedbed::scenario::Scenario;
 use seedbed_env::random::Stream;
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::cross_entropy::CrossEntropy;
+use seedbed_learn::algorithms::leader_followers::LeaderFollowers;
 use seedbed_learn::algorithms::seed_pg::config::SeedPg;
 use seedbed_learn::algorithms::value_based::config::{BootstrappedDqn, QLearning, SeedTd};
 use seedbed_learn::algorithms::value_based::hyper_agent::HyperAgent;
@@ -57,6 +58,7 @@ impl Generator {
         Self {
             algorithms: vec![
                 ("SeedPg", schema::<SeedPg>()),
+                ("LeaderFollowers", schema::<LeaderFollowers>()),
                 ("QLearning", schema::<QLearning>()),
                 ("SeedTd", schema::<SeedTd>()),
                 ("BootstrappedDqn", schema::<BootstrappedDqn>()),
@@ -72,7 +74,7 @@ impl Generator {
     /// A scenario and overrides of it.
     pub(crate) fn generate(&self, random: &mut Stream) -> (String, Vec<String>) {
         let (name, config) = &self.algorithms[random.random_range(0..self.algorithms.len())];
-        let is_value_based = !matches!(*name, "SeedPg" | "CrossEntropy");
+        let is_value_based = !matches!(*name, "SeedPg" | "LeaderFollowers" | "CrossEntropy");
         let mut overrides = Vec::new();
         let mut parts = vec![format!(
             "algorithm: {name}{}",

@@ -153,13 +153,13 @@ impl ScalingInfo {
 pub struct BonusInfo {
     /// The kind of bonus, as in a scenario.
     pub kind: &'static str,
-    /// Names of the model's tensors up to `.inputs.mean`.
+    /// Names of the model's tensors up to e.g. `.inputs.mean`.
     pub model: String,
-    /// Names of the inputs in order: observations, then the action of the step. Choices are written
-    /// `name = value` and are 1 or 0.
+    /// Names of the inputs in order: observations, then the action of the step, if it is an input.
+    /// Choices are written `name = value` and are 1 or 0.
     pub inputs: Vec<String>,
-    /// How inputs are scaled, and what the networks compute.
-    pub formula: &'static str,
+    /// How inputs are scaled, and what is computed from them.
+    pub formula: String,
     /// Name of the mean of the latest median gains; `None` if bonuses are not scaled by it.
     pub median_scale: Option<String>,
     /// How gains are scaled to bonuses, as in a scenario.

@@ -6,6 +6,7 @@
 
 pub mod catalogue;
 pub mod cross_entropy;
+pub mod leader_followers;
 pub mod random;
 pub mod seed_pg;
 pub mod value_based;
@@ -180,6 +181,7 @@ macro_rules! algorithms {
 algorithms! {
     configured {
         SeedPg(seed_pg::config::SeedPg),
+        LeaderFollowers(leader_followers::LeaderFollowers),
         QLearning(value_based::config::QLearning),
         SeedTd(value_based::config::SeedTd),
         BootstrappedDqn(value_based::config::BootstrappedDqn),

@@ -11,3 +11,4 @@ pub mod information_gain;
 pub mod policy_loss;
 pub mod q_learning;
 pub mod returns;
+pub mod state_entropy;

@@ -5,6 +5,7 @@
 //! trains it, and the others copy what it has learned. Formulas are in [`rl`](crate::rl).
 
 mod rnd;
+mod team_entropy;
 mod transitions;
 mod vime;
 
@@ -12,9 +13,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use self::rnd::Rnd;
+pub use self::team_entropy::TeamEntropy;
 pub use self::vime::{Gain, ModelBuffer, ModelSeeds, Vime};
 
 use self::rnd::RndModel;
+use self::team_entropy::TeamEntropyModel;
 use self::transitions::TransitionEncoder;
 use self::vime::VimeModel;
 use super::network_info::{BonusInfo, setting_text};
@@ -24,6 +27,7 @@ use crate::nn::MedianScale;
 use crate::rl::information_gain;
 use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{Count, NonNegative, Positive, ranged_count, ranged_number};
+use seedbed_env::input::{Located, ValidationError};
 use seedbed_env::random::{Purpose, Stream, stream};
 
 /// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
@@ -39,6 +43,10 @@ pub enum Bonus {
     /// Error in predicting the outputs of a fixed random network: random network distillation
     /// (Burda et al. 2019).
     Rnd(Rnd),
+    /// Distance from the state that a step leads to, to other states of the newest round: k-nearest-
+    /// neighbor entropy (RE3, Seo et al. 2021; APT, Liu & Abbeel 2021) of the states of a team (De Paola
+    /// et al. 2025).
+    TeamEntropy(TeamEntropy),
 }
 
 /// Whose experience a bonus model learns from.
@@ -152,7 +160,7 @@ impl Bonus {
                 buffer: ModelBuffer::Kept { transitions },
                 ..
             }) => transitions.get().into(),
-            Self::Vime(_) | Self::Rnd(_) | Self::None => 0,
+            Self::Vime(_) | Self::Rnd(_) | Self::TeamEntropy(_) | Self::None => 0,
         }
     }
 
@@ -162,6 +170,7 @@ impl Bonus {
             Self::None => 0,
             Self::Vime(config) => VimeModel::memory(config, spec),
             Self::Rnd(config) => RndModel::memory(config, spec),
+            Self::TeamEntropy(config) => TeamEntropyModel::memory(config, spec),
         }
     }
 
@@ -169,12 +178,16 @@ impl Bonus {
     /// without a bonus.
     #[must_use]
     pub fn largest_bonus(&self) -> Option<f32> {
-        let scale = match self {
-            Self::None => return None,
-            Self::Vime(config) => config.scale,
-            Self::Rnd(config) => config.scale,
+        self.common().map(|common| common.scale.largest_shown())
+    }
+
+    /// Checks that the parameters fit together.
+    pub(crate) fn check(bonus: &Located<Self>) -> Result<(), ValidationError> {
+        let fault = match &**bonus {
+            Self::TeamEntropy(config) => config.fault(),
+            Self::None | Self::Vime(_) | Self::Rnd(_) => None,
         };
-        Some(scale.largest_shown())
+        fault.map_or(Ok(()), |fault| Err(bonus.error(fault)))
     }
 
     /// Whether all agents must learn at the same time from the same episodes, because they share
@@ -193,11 +206,17 @@ impl Bonus {
     /// How the tensors of the model are used; none without a bonus. `owner` is the first part of the
     /// names of tensors of a model that is not shared, such as `agent_{agent}.`.
     pub(crate) fn info(&self, spec: &TaskSpec, owner: &str) -> Option<BonusInfo> {
-        let (kind, formula, scale) = match self {
-            Self::None => return None,
-            Self::Vime(config) => ("Vime", VimeModel::FORMULA, config.scale),
-            Self::Rnd(config) => ("Rnd", RndModel::FORMULA, config.scale),
-        };
+        let Common { kind, scale, .. } = self.common()?;
+        let (mut inputs, mut formula) = (TransitionEncoder::input_names(spec), String::new());
+        match self {
+            Self::None => {}
+            Self::Vime(_) => VimeModel::FORMULA.clone_into(&mut formula),
+            Self::Rnd(_) => RndModel::FORMULA.clone_into(&mut formula),
+            Self::TeamEntropy(config) => {
+                inputs.truncate(spec.observation_width());
+                formula = config.formula();
+            }
+        }
         let model_owner = if self.has_shared_model() {
             SHARED_OWNER
         } else {
@@ -206,7 +225,7 @@ impl Bonus {
         Some(BonusInfo {
             kind,
             model: format!("{model_owner}bonus"),
-            inputs: TransitionEncoder::input_names(spec),
+            inputs,
             formula,
             median_scale: scale
                 .uses_medians()
@@ -216,12 +235,32 @@ impl Bonus {
     }
 
     fn sharing(&self) -> Option<ModelSharing> {
-        match self {
-            Self::None => None,
-            Self::Vime(config) => Some(config.model),
-            Self::Rnd(config) => Some(config.model),
-        }
+        self.common().map(|common| common.sharing)
     }
+
+    /// The parameters that all bonuses have; none without a bonus.
+    fn common(&self) -> Option<Common> {
+        let (kind, sharing, scale) = match self {
+            Self::None => return None,
+            Self::Vime(config) => ("Vime", config.model, config.scale),
+            Self::Rnd(config) => ("Rnd", config.model, config.scale),
+            Self::TeamEntropy(config) => ("TeamEntropy", config.model, config.scale),
+        };
+        Some(Common {
+            kind,
+            sharing,
+            scale,
+        })
+    }
+}
+
+/// The parameters that all bonuses have.
+#[derive(Clone, Copy)]
+struct Common {
+    /// The kind of bonus, as in a scenario.
+    kind: &'static str,
+    sharing: ModelSharing,
+    scale: BonusScale,
 }
 
 /// First part of the names of the tensors of a model that the team shares.
@@ -246,6 +285,7 @@ pub struct BonusModel {
 enum Model {
     Vime(Box<VimeModel>),
     Rnd(Box<RndModel>),
+    TeamEntropy(Box<TeamEntropyModel>),
 }
 
 /// What a checkpoint holds of a bonus model. The rest derives from the scenario.
@@ -258,15 +298,14 @@ struct Saved<M> {
 impl BonusModel {
     /// The model of one agent; none if the configuration has no bonus.
     pub(crate) fn new(bonus: &Bonus, context: &AgentContext<'_>) -> Option<Self> {
-        let (sharing, scale) = match bonus {
-            Bonus::None => return None,
-            Bonus::Vime(config) => (config.model, config.scale),
-            Bonus::Rnd(config) => (config.model, config.scale),
-        };
+        let Common { sharing, scale, .. } = bonus.common()?;
         let owner = stream_owner(sharing, context.agent);
         let model = match bonus {
             Bonus::Rnd(config) => Model::Rnd(Box::new(RndModel::new(config, owner, context))),
             Bonus::Vime(config) => Model::Vime(Box::new(VimeModel::new(config, owner, context))),
+            Bonus::TeamEntropy(config) => {
+                Model::TeamEntropy(Box::new(TeamEntropyModel::new(config, context)))
+            }
             Bonus::None => return None,
         };
         let medians = MedianScale::new(scale.medians());
@@ -328,6 +367,7 @@ impl BonusModel {
         bonuses: &mut Vec<Vec<f32>>,
         is_own: impl Fn(&Episode) -> bool,
     ) {
+        self.draw_references(experience);
         let mut random = stream(
             self.run_seed,
             Purpose::BonusNoise,
@@ -346,6 +386,25 @@ impl BonusModel {
             self.scale_gains(bonuses);
         }
         self.medians.update(&mut self.own_gains);
+    }
+
+    /// Draws the states of new episodes that other states are compared with, if the bonus compares
+    /// states. Agents that share a model draw the same ones.
+    fn draw_references(&mut self, experience: &Experience<'_>) {
+        let episodes = self.episodes_of_model(experience.new_episodes);
+        let owner = stream_owner(self.sharing, self.agent);
+        if let Model::TeamEntropy(model) = &mut self.model {
+            let (purpose, round) = (Purpose::ReferenceStates, experience.earlier_updates);
+            model.draw_references(&episodes, &mut stream(self.run_seed, purpose, owner, round));
+        }
+    }
+
+    /// The episodes that the model depends on: the agent's own if the team does not share it.
+    fn episodes_of_model<'a>(&self, episodes: &'a [Episode]) -> Vec<&'a Episode> {
+        let is_used = |episode: &&Episode| {
+            self.sharing != ModelSharing::Independent || episode.agent == self.agent
+        };
+        episodes.iter().filter(is_used).collect()
     }
 
     /// Replaces gains by bonuses.
@@ -377,10 +436,11 @@ impl BonusModel {
         self.sharing == ModelSharing::Shared
     }
 
-    /// Whether the agent learns from, or measures errors on, all new episodes of the team.
+    /// Whether the agent learns from, measures errors on, or compares states with all new episodes of
+    /// the team.
     pub(crate) fn needs_all_episodes(&self) -> bool {
         match self.sharing {
-            ModelSharing::Shared => self.agent == 0,
+            ModelSharing::Shared => self.agent == 0 || matches!(self.model, Model::TeamEntropy(_)),
             ModelSharing::Independent => false,
             ModelSharing::Frozen => true,
         }
@@ -388,7 +448,7 @@ impl BonusModel {
 
     /// Trains the model, unless it is frozen, or a copy of a shared model that another agent trains.
     /// Returns its mean squared error on the new episodes before training, in the units of its
-    /// targets; `None` for a copy.
+    /// targets; `None` for a copy, or without targets.
     pub(crate) fn learn(&mut self, experience: &Experience<'_>) -> Option<f32> {
         if self.is_shared() && self.agent != 0 {
             return None;
@@ -400,15 +460,13 @@ impl BonusModel {
             owner,
             experience.earlier_updates,
         );
-        let is_used = |episode: &&Episode| {
-            self.sharing != ModelSharing::Independent || episode.agent == self.agent
-        };
-        let new_episodes: Vec<&Episode> = experience.new_episodes.iter().filter(is_used).collect();
-        let all_episodes: Vec<&Episode> = experience.all_episodes.iter().filter(is_used).collect();
+        let new_episodes = self.episodes_of_model(experience.new_episodes);
+        let all_episodes = self.episodes_of_model(experience.all_episodes);
         let is_frozen = self.sharing == ModelSharing::Frozen;
         let error = match &mut self.model {
             Model::Vime(model) => model.learn(&all_episodes, &new_episodes, is_frozen, &mut random),
             Model::Rnd(model) => model.learn(&new_episodes, is_frozen, &mut random),
+            Model::TeamEntropy(_) => return None,
         };
         Some(error)
     }
@@ -418,9 +476,8 @@ impl BonusModel {
         match (&mut self.model, &trained.model) {
             (Model::Vime(model), Model::Vime(trained)) => model.copy_learned(trained),
             (Model::Rnd(model), Model::Rnd(trained)) => model.copy_learned(trained),
-            (Model::Vime(_), Model::Rnd(_)) | (Model::Rnd(_), Model::Vime(_)) => {
-                unreachable!("all agents of a team have the same kind of model")
-            }
+            (Model::TeamEntropy(model), Model::TeamEntropy(trained)) => model.copy_learned(trained),
+            _ => unreachable!("all agents of a team have the same kind of model"),
         }
     }
 
@@ -429,6 +486,7 @@ impl BonusModel {
         let tensors = match &self.model {
             Model::Vime(model) => model.tensors(),
             Model::Rnd(model) => model.tensors(),
+            Model::TeamEntropy(model) => model.tensors(),
         };
         tensors.into_iter().map(|tensor| tensor.prefixed("bonus."))
     }
@@ -453,7 +511,7 @@ impl BonusModel {
     pub(crate) fn seed_tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
         let tensors = match &self.model {
             Model::Vime(model) => model.seed_tensors(),
-            Model::Rnd(_) => Vec::new(),
+            Model::Rnd(_) | Model::TeamEntropy(_) => Vec::new(),
         };
         tensors.into_iter().map(|tensor| tensor.prefixed("bonus."))
     }
@@ -462,6 +520,7 @@ impl BonusModel {
         match &self.model {
             Model::Vime(model) => model.is_finite(),
             Model::Rnd(model) => model.is_finite(),
+            Model::TeamEntropy(_) => true,
         }
     }
 
@@ -478,6 +537,7 @@ impl BonusModel {
         match &self.model {
             Model::Vime(model) => model.save(),
             Model::Rnd(model) => model.save(),
+            Model::TeamEntropy(model) => model.save(),
         }
     }
 
@@ -493,6 +553,7 @@ impl BonusModel {
         match &mut self.model {
             Model::Vime(model) => model.restore(bytes),
             Model::Rnd(model) => model.restore(bytes),
+            Model::TeamEntropy(model) => model.restore(bytes),
         }
     }
 
@@ -507,6 +568,7 @@ impl BonusModel {
         match &mut self.model {
             Model::Vime(model) => model.compute_gains(episode, stride, random, gains),
             Model::Rnd(model) => model.compute_gains(episode, stride, gains),
+            Model::TeamEntropy(model) => model.compute_gains(episode, stride, gains),
         }
     }
 }
@@ -721,6 +783,7 @@ mod tests {
         for bonus in [
             vime(ModelSharing::Shared, ModelSeeds::Shift),
             Bonus::Rnd(Rnd::default()),
+            Bonus::TeamEntropy(TeamEntropy::default()),
         ] {
             let [mut original, mut restored] = [0, 0].map(|agent| bonus_model(&bonus, agent));
             original.compute_bonuses(
@@ -743,5 +806,139 @@ mod tests {
             assert_eq!(gains(&mut restored, 0), gains(&mut original, 0));
             assert!(restored.restore(&[7]).is_err());
         }
+    }
+
+    /// An episode of two observations that leads to the states (x, 0) for each of `xs`.
+    fn line(agent: u32, episode: u32, xs: &[f32]) -> Episode {
+        let states = xs.iter().flat_map(|&x| [x, 0.0]);
+        Episode {
+            observations: [0.0, 0.0].into_iter().chain(states).collect(),
+            actions: vec![0.0; xs.len()],
+            rewards: vec![0.0; xs.len()],
+            outcome: Status::Truncated,
+            ..Episode::start(agent, episode, 0, &spec())
+        }
+    }
+
+    /// Unweighted bonuses of the steps of each new episode, as agent `agent` computes them in update
+    /// number `earlier_updates`.
+    fn entropy_bonuses(
+        config: TeamEntropy,
+        agent: u32,
+        earlier_updates: u32,
+        episodes: &[Episode],
+    ) -> Vec<Vec<f32>> {
+        let raw = BonusScale::Raw {
+            weight: ranged_number(1.0),
+            shown: ranged_number(1.0),
+        };
+        let config = TeamEntropy {
+            scale: raw,
+            ..config
+        };
+        let mut bonuses = Vec::new();
+        let experience = Experience {
+            new_episodes: episodes,
+            new_lengths: &[],
+            all_episodes: episodes,
+            earlier_updates,
+        };
+        let chosen: Vec<usize> = (0..episodes.len()).collect();
+        bonus_model(&Bonus::TeamEntropy(config), agent).compute_bonuses(
+            &experience,
+            &chosen,
+            &mut bonuses,
+        );
+        bonuses
+    }
+
+    /// Agent 0 visits x = 0.1 and 0.4, agent 1 x = 0.2 (ranges are scaled to -1 to 1 already). Distances
+    /// to the nearest other state of the team are 0.1, 0.2 and 0.1, to the second 0.3, 0.3 and 0.2; of
+    /// agent 0 alone 0.3 and 0.3. The state of agent 1 is 0.1 from those of agent 0, and agent 1 has no
+    /// other state of its own. Start states (x = 0) count for nothing.
+    #[test]
+    fn entropy_bonuses_by_hand() {
+        let episodes = [line(0, 5, &[0.1, 0.4]), line(1, 5, &[0.2])];
+        let bonuses = |model, neighbors, agent| {
+            let config = TeamEntropy {
+                model,
+                neighbors: ranged_count(neighbors),
+                ..TeamEntropy::default()
+            };
+            entropy_bonuses(config, agent, 0, &episodes).concat()
+        };
+        for (model, neighbors, agent, distances) in [
+            (ModelSharing::Shared, 1, 0, [0.1_f64, 0.2, 0.1]),
+            (ModelSharing::Shared, 1, 1, [0.1, 0.2, 0.1]),
+            (ModelSharing::Shared, 2, 0, [0.3, 0.3, 0.2]),
+            (ModelSharing::Independent, 1, 0, [0.3, 0.3, 0.1]),
+            (ModelSharing::Independent, 1, 1, [0.1, 0.2, 0.0]),
+        ] {
+            let expected = distances.map(|distance| (1.0 + distance).ln());
+            let computed = bonuses(model, neighbors, agent);
+            let is_close = |(a, b): (&f32, &f64)| (f64::from(*a) - b).abs() < 1e-6;
+            assert!(
+                computed.len() == 3 && computed.iter().zip(&expected).all(is_close),
+                "{model:?} {neighbors} {agent}: {computed:?}, expected {expected:?}"
+            );
+        }
+    }
+
+    /// A display range of 4 makes distances half as long; what is far beyond it is clipped.
+    #[test]
+    fn distances_are_scaled_to_display_ranges() {
+        let mut wide = spec();
+        wide.observations[0].range = [-2.0, 2.0];
+        let team = TeamConfig::default();
+        let context = AgentContext {
+            run_seed: 1,
+            agent: 0,
+            team: &team,
+            spec: &wide,
+            record_advantages: false,
+        };
+        let mut model = TeamEntropyModel::new(&TeamEntropy::default(), &context);
+        let (references, far) = (line(0, 0, &[0.0]), line(1, 0, &[1.0, 1e38]));
+        model.draw_references(
+            &[&references],
+            &mut stream(1, Purpose::ReferenceStates, 0, 0),
+        );
+        let mut gains = vec![];
+        model.compute_gains(&far, 1, &mut gains);
+        assert!(
+            (f64::from(gains[0]) - 1.5_f64.ln()).abs() < 1e-6,
+            "{gains:?}"
+        );
+        assert!(
+            (f64::from(gains[1]) - 11.0_f64.ln()).abs() < 1e-6,
+            "{gains:?}"
+        );
+    }
+
+    /// With one reference among many states at different places, its step is the only one whose nearest
+    /// neighbor is none (a bonus of 0). All agents of a team draw the same one, and another one in
+    /// another update.
+    #[test]
+    fn a_team_draws_the_same_references() {
+        let xs = |offset: f32| -> Vec<f32> { (0..40).map(|x| offset + 0.01 * x as f32).collect() };
+        let episodes = [line(0, 0, &xs(-0.5)), line(1, 0, &xs(0.2))];
+        let config = TeamEntropy {
+            neighbors: ranged_count(1),
+            references: ranged_count(1),
+            ..TeamEntropy::default()
+        };
+        let drawn = |agent, update| {
+            let bonuses = entropy_bonuses(config.clone(), agent, update, &episodes).concat();
+            let zeros = bonuses
+                .iter()
+                .enumerate()
+                .filter(|(_, bonus)| **bonus == 0.0);
+            let zeros: Vec<usize> = zeros.map(|(index, _)| index).collect();
+            assert_eq!((bonuses.len(), zeros.len()), (80, 1), "{bonuses:?}");
+            zeros[0]
+        };
+        let of_updates = [0, 1, 2, 3].map(|update| drawn(0, update));
+        assert_eq!(of_updates, [0, 1, 2, 3].map(|update| drawn(7, update)));
+        assert!(of_updates.iter().any(|other| *other != of_updates[0]));
     }
 }

@@ -317,6 +317,7 @@ impl AlgorithmConfig for SeedPg {
         self.check_value_target()?;
         self.check_advantage()?;
         self.check_actions()?;
+        Bonus::check(&self.bonus)?;
         if self.hidden.is_empty() {
             return Err(self
                 .hidden

@@ -53,6 +53,9 @@ pub struct SeedPgAgent {
     value: Network,
     normalizer: PopArt,
     bonus_model: Option<BonusModel>,
+    /// Weight of the steps of others in the losses, whose ratios are then clipped around those before
+    /// the update; `None`: all steps are treated alike.
+    weight_of_others: Option<f32>,
     /// Whether updates return [advantages](StepData::advantages).
     record_advantages: bool,
     work: Workspace,
@@ -65,6 +68,9 @@ struct Workspace {
     chosen_episodes: Vec<usize>,
     /// Bonuses of the steps of each new episode; empty without a bonus.
     bonuses: Vec<Vec<f32>>,
+    /// Importance ratios of the steps of each new episode before the update; empty for own episodes,
+    /// and unless others have a [weight](SeedPgAgent::weight_of_others).
+    earlier_ratios: Vec<Vec<f32>>,
     /// Samples of the next gradient step.
     samples: Samples,
     /// All samples of the policy, from which minibatches of steps are drawn.
@@ -127,10 +133,18 @@ impl SeedPgAgent {
                 ReturnNormalisation::Raw => PopArt::identity(),
             },
             bonus_model: BonusModel::new(&config.bonus, context),
+            weight_of_others: None,
             record_advantages: context.record_advantages,
             config: config.clone(),
             work: Workspace::default(),
         }
+    }
+
+    /// The agent whose losses weight the steps of others, and whose ratios of these steps are clipped
+    /// around those before the update, as those of the leader in [SAPG](super::leader_followers).
+    pub(super) fn with_weight_of_others(mut self, weight: f32) -> Self {
+        self.weight_of_others = Some(weight);
+        self
     }
 
     /// Chooses the new episodes that this agent learns from: its own, and those that others share
@@ -196,6 +210,45 @@ impl SeedPgAgent {
             step_data.push(data);
         }
         step_data
+    }
+
+    /// Computes the importance ratios of the chosen episodes of others before the update.
+    fn compute_earlier_ratios(&mut self, new_episodes: &[Episode]) {
+        let mut earlier_ratios = std::mem::take(&mut self.work.earlier_ratios);
+        earlier_ratios.iter_mut().for_each(Vec::clear);
+        earlier_ratios.resize_with(new_episodes.len().max(earlier_ratios.len()), Vec::new);
+        for position in 0..self.work.chosen_episodes.len() {
+            let index = self.work.chosen_episodes[position];
+            let episode = &new_episodes[index];
+            if episode.agent != self.agent {
+                self.load_actions(episode);
+                self.compute_ratios();
+                earlier_ratios[index].clone_from(&self.work.ratios);
+            }
+        }
+        self.work.earlier_ratios = earlier_ratios;
+    }
+
+    /// Sets what distinguishes the steps of others from own steps.
+    fn weight_samples(&mut self, is_own: bool, index: usize) {
+        let Some(weight_of_others) = self.weight_of_others else {
+            return;
+        };
+        let Workspace {
+            samples,
+            earlier_ratios,
+            ..
+        } = &mut self.work;
+        let weight = if is_own { 1.0 } else { weight_of_others };
+        let count = samples.len();
+        samples
+            .weights
+            .iter_mut()
+            .for_each(|other| *other *= weight);
+        samples.loss_weights.clear();
+        samples.loss_weights.resize(count, weight);
+        samples.centers.clone_from(&earlier_ratios[index]);
+        samples.centers.resize(count, 1.0);
     }
 
     /// Whether the value function and whether the policy learn from an episode.
@@ -326,6 +379,7 @@ impl SeedPgAgent {
     /// Turns a trajectory into samples to learn from.
     fn load_trajectory(&mut self, episode: &Episode, index: usize) {
         self.estimate(episode, index);
+        self.weight_samples(episode.agent == self.agent, index);
         if self.config.standardise == Standardization::PerTrajectory {
             advantage::standardize(&mut self.work.samples.advantages);
         }
@@ -334,10 +388,7 @@ impl SeedPgAgent {
     /// Turns a trajectory into samples, with targets and advantages under the present policy and
     /// value function.   `index`: position of the episode among the new episodes
     fn estimate(&mut self, episode: &Episode, index: usize) {
-        let samples = &mut self.work.samples;
-        self.scaling.apply(episode.states(), &mut samples.states);
-        samples.actions.clone_from(&episode.actions);
-        samples.behavior_log_probs.clone_from(&episode.log_probs);
+        self.load_actions(episode);
         self.perturb_rewards(episode, index);
         self.compute_ratios();
         self.estimate_values();
@@ -371,6 +422,14 @@ impl SeedPgAgent {
             estimates,
             advantages,
         );
+    }
+
+    /// Sets the states, the actions, and the log-probabilities of the policy that acted.
+    fn load_actions(&mut self, episode: &Episode) {
+        let samples = &mut self.work.samples;
+        self.scaling.apply(episode.states(), &mut samples.states);
+        samples.actions.clone_from(&episode.actions);
+        samples.behavior_log_probs.clone_from(&episode.log_probs);
     }
 
     /// Sets the perturbed rewards rₜ₊₁ + `z_{k,t+1}`, plus bonuses. If the time limit bootstraps,
@@ -445,15 +504,18 @@ impl SeedPgAgent {
             .chunks_exact(width)
             .zip(samples.behavior_log_probs.chunks_exact(width));
         work.slopes.clear();
-        for ((log_probs, behavior), (&ratio, &advantage)) in
-            rows.zip(work.ratios.iter().zip(&samples.advantages))
+        for (row, ((log_probs, behavior), (&ratio, &advantage))) in rows
+            .zip(work.ratios.iter().zip(&samples.advantages))
+            .enumerate()
         {
+            let weight = samples.loss_weights.get(row).copied().unwrap_or(1.0);
             for_each_surrogate(
                 *self.config.policy_loss,
                 (log_probs, behavior),
-                ratio,
+                (ratio, samples.centers.get(row).copied().unwrap_or(1.0)),
                 advantage,
                 |surrogate, components| {
+                    let surrogate = surrogate.weighted(weight);
                     work.slopes
                         .extend(std::iter::repeat_n(surrogate.slope, components));
                     totals.add_surrogate(&surrogate, components);
@@ -539,11 +601,11 @@ fn initial_networks(
 
 /// Passes the surrogate loss of a whole action, or one loss per component, to `visit`, with the
 /// number of components that the loss covers.   `log_probs`, `behavior`: log π and log μ of each
-/// component; `ratio`, `advantage`: of the whole action
+/// component; `ratio`, `center` (around which it is clipped), `advantage`: of the whole action
 fn for_each_surrogate(
     loss: PolicyLoss,
     (log_probs, behavior): (&[f32], &[f32]),
-    ratio: f32,
+    (ratio, center): (f32, f32),
     advantage: f32,
     mut visit: impl FnMut(Surrogate, usize),
 ) {
@@ -552,7 +614,10 @@ fn for_each_surrogate(
         PolicyLoss::Ppo { clip, clipping } => {
             let clip = clip.get_f32();
             if clipping == Clipping::Joint {
-                visit(policy_loss::ppo(ratio, advantage, clip), width);
+                visit(
+                    policy_loss::ppo_around(center, ratio, advantage, clip),
+                    width,
+                );
                 return;
             }
             for (log_prob, behavior) in log_probs.chunks_exact(1).zip(behavior.chunks_exact(1)) {
@@ -643,6 +708,9 @@ impl Agent for SeedPgAgent {
             );
         }
         let step_data = self.own_step_data(new_episodes);
+        if self.weight_of_others.is_some() {
+            self.compute_earlier_ratios(new_episodes);
+        }
         for _ in 0..self.config.epochs.get() {
             self.learn_for_an_epoch(new_episodes, &descent, &mut random, &mut totals);
         }

@@ -15,6 +15,11 @@ pub(super) struct Samples {
     pub(super) weights: Vec<f32>,
     /// Advantages of the actions: `[N]`.
     pub(super) advantages: Vec<f32>,
+    /// Weights of the policy's losses; empty if all are 1: `[N]`.
+    pub(super) loss_weights: Vec<f32>,
+    /// Importance ratios before the update, around which ratios are clipped; empty if all are 1:
+    /// `[N]`.
+    pub(super) centers: Vec<f32>,
 }
 
 impl Samples {
@@ -47,7 +52,7 @@ impl Samples {
         }
     }
 
-    fn columns(&self) -> [&[f32]; 6] {
+    fn columns(&self) -> [&[f32]; 8] {
         [
             &self.states,
             &self.actions,
@@ -55,10 +60,12 @@ impl Samples {
             &self.targets,
             &self.weights,
             &self.advantages,
+            &self.loss_weights,
+            &self.centers,
         ]
     }
 
-    fn columns_mut(&mut self) -> [&mut Vec<f32>; 6] {
+    fn columns_mut(&mut self) -> [&mut Vec<f32>; 8] {
         [
             &mut self.states,
             &mut self.actions,
@@ -66,6 +73,8 @@ impl Samples {
             &mut self.targets,
             &mut self.weights,
             &mut self.advantages,
+            &mut self.loss_weights,
+            &mut self.centers,
         ]
     }
 }
@@ -107,6 +116,8 @@ mod tests {
             targets: column(30.0),
             weights: column(40.0),
             advantages: column(50.0),
+            loss_weights: column(60.0),
+            centers: Vec::new(),
         }
     }
 
@@ -122,5 +133,7 @@ mod tests {
             (gathered.actions, gathered.advantages),
             (vec![14.0, 11.0], vec![54.0, 51.0])
         );
+        assert_eq!(gathered.loss_weights, [64.0, 61.0]);
+        assert!(gathered.centers.is_empty());
     }
 }

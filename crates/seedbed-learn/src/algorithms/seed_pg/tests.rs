@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::config::*;
 use super::*;
 use crate::agent::TeamConfig;
-use crate::agent::bonus::{Bonus, ModelSharing, Rnd, Vime};
+use crate::agent::bonus::{Bonus, ModelSharing, Rnd, TeamEntropy, Vime};
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::AlgorithmConfig;
@@ -119,6 +119,33 @@ fn seeds_of_the_learning_agent_perturb_the_rewards_of_all_agents() {
         plain.work.samples.advantages
     );
     assert!(seeds.iter().any(|seed| seed.abs() > 0.1), "{seeds:?}");
+}
+
+/// Ratios of another agent's steps are clipped around those before the update, also after the policy
+/// has changed; own ones around 1. The losses of the other's steps have the given weight.
+#[test]
+fn ratios_of_others_are_clipped_around_earlier_ones() {
+    let mut leader = agent(&SeedPg::default(), 0, 0.0).with_weight_of_others(0.5);
+    let episodes = [episode(0), episode(1)];
+    leader.work.chosen_episodes = vec![0, 1];
+    leader.compute_earlier_ratios(&episodes);
+    leader.load_trajectory(&episodes[1], 1);
+    let earlier_ratios = leader.work.ratios.clone();
+    assert!(
+        earlier_ratios
+            .iter()
+            .any(|ratio| (ratio - 1.0).abs() > 0.01)
+    );
+    leader.improve_policy(&leader.descent(0), &mut Totals::default());
+    leader.load_trajectory(&episodes[1], 1);
+    let samples = &leader.work.samples;
+    assert_eq!(samples.centers, earlier_ratios);
+    assert_ne!(leader.work.ratios, earlier_ratios);
+    assert_eq!([&samples.loss_weights, &samples.weights], [&[0.5; 6]; 2]);
+    leader.load_trajectory(&episodes[0], 0);
+    let samples = &leader.work.samples;
+    assert_eq!(samples.centers, [1.0; 6]);
+    assert_eq!([&samples.loss_weights, &samples.weights], [&[1.0; 6]; 2]);
 }
 
 /// ρ is π(a|s) of the learning agent over ½, the probability under the policy that acted.
@@ -827,6 +854,13 @@ fn processes_have_the_bits_of_a_team_in_one() {
             ..Vime::default()
         })
     };
+    let entropy = |model| {
+        Bonus::TeamEntropy(TeamEntropy {
+            model,
+            references: ranged_count(10),
+            ..TeamEntropy::default()
+        })
+    };
     for (sharing, bonus) in [
         (Sharing::All, Bonus::None),
         (sampled, Bonus::None),
@@ -834,6 +868,8 @@ fn processes_have_the_bits_of_a_team_in_one() {
         (sampled, vime(ModelSharing::Independent)),
         (sampled, vime(ModelSharing::Frozen)),
         (sampled, Bonus::Rnd(Rnd::default())),
+        (sampled, entropy(ModelSharing::Shared)),
+        (sampled, entropy(ModelSharing::Independent)),
     ] {
         let config = SeedPg {
             sharing,

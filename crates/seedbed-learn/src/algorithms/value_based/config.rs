@@ -354,6 +354,7 @@ fn check_parameters(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), V
         );
         return Err(learning.minibatch.error(message));
     }
+    Bonus::check(bonus)?;
     if bonus.has_independent_models() {
         return Err(bonus.error(
             "value-based learners share all transitions; expected `model: Shared` or `Frozen`",

@@ -25,11 +25,14 @@ pub(super) struct Minibatch {
     pairs: Option<Episode>,
 }
 
+/// Number of the episode that the transitions form: none of the run.
+const NO_EPISODE: u32 = u32::MAX;
+
 impl Minibatch {
     /// An empty minibatch whose transitions will be passed to a bonus model.
     pub(super) fn for_bonus_model(spec: &TaskSpec) -> Self {
         Self {
-            pairs: Some(Episode::start(0, 0, 0, spec)),
+            pairs: Some(Episode::start(0, NO_EPISODE, 0, spec)),
             ..Self::default()
         }
     }

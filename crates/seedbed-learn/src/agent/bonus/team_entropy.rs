@@ -1,0 +1,219 @@
+//! Entropy of the states that a team visits: the bonus of a step is large if few states of the newest
+//! round are near the state that it leads to (Seo et al. 2021; Liu & Abbeel 2021; for parallel agents
+//! De Paola et al. 2025).
+
+use rand::seq::index;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{BonusScale, ModelSharing};
+use crate::agent::scaling::{ObservationScaling, Scaling};
+use crate::agent::{AgentContext, Tensor};
+use crate::experience::Episode;
+use crate::nn::STANDARDIZED_LIMIT;
+use crate::rl::state_entropy::{self, NeighborScratch};
+use seedbed_env::TaskSpec;
+use seedbed_env::input::numbers::{Count, ranged_count};
+use seedbed_env::random::Stream;
+
+/// The configuration of the entropy bonus. Distances are those of observations whose display ranges
+/// are scaled to −1 to 1; in the papers, those of encoded images.
+#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TeamEntropy {
+    /// Whose states of the newest round a state is compared with: those of the team (`Shared`) or the
+    /// agent's own (`Independent`: a control without the team). `Frozen` is not possible.
+    pub model: ModelSharing,
+    /// How the logarithms of distances are scaled to bonuses.
+    pub scale: BonusScale,
+    /// Number k of the neighbor whose distance counts: 1 for the nearest one.
+    pub neighbors: Count<1000>,
+    /// Maximal number of states that a state is compared with, drawn without replacement from those
+    /// of the round.
+    pub references: Count<100_000>,
+}
+
+impl Default for TeamEntropy {
+    fn default() -> Self {
+        Self {
+            model: ModelSharing::Shared,
+            scale: BonusScale::default(),
+            neighbors: ranged_count(3),
+            references: ranged_count(1024),
+        }
+    }
+}
+
+impl TeamEntropy {
+    /// What is wrong with the parameters, if they do not fit together.
+    pub(super) fn fault(&self) -> Option<&'static str> {
+        if self.model == ModelSharing::Frozen {
+            Some(
+                "`TeamEntropy` has no model that could be frozen; expected `model: Shared` or \
+                 `Independent`",
+            )
+        } else if self.neighbors.get() > self.references.get() {
+            Some("`TeamEntropy` has more `neighbors` than `references`; expected at most as many")
+        } else {
+            None
+        }
+    }
+
+    /// Formula of the gains, for readers of the tensors.
+    pub(super) fn formula(&self) -> String {
+        format!(
+            "x = clip((input - observations.center) / observations.half_range, \
+             -{STANDARDIZED_LIMIT}, {STANDARDIZED_LIMIT}), where the input is the observation after \
+             the step. Gain: log(1 + d), where d is the Euclidean distance from x to the row of \
+             references at position {} by distance, not counting the row of the same step.",
+            self.neighbors.get()
+        )
+    }
+}
+
+/// The states of the newest round that states are compared with.
+pub(crate) struct TeamEntropyModel {
+    config: TeamEntropy,
+    width: usize,
+    scaling: Scaling,
+    references: References,
+    scaled: Vec<f32>,
+    scratch: NeighborScratch,
+}
+
+/// Scaled states, in the order of the steps that led to them.
+#[derive(Clone, Default, Serialize, Deserialize)]
+struct References {
+    /// One column per observation: `[width × N]`.
+    columns: Vec<f32>,
+    /// The steps: `[N]`.
+    steps: Vec<StepName>,
+}
+
+/// Number of an agent, of its episode, and of a step of this episode.
+type StepName = (u32, u32, u32);
+
+impl TeamEntropyModel {
+    /// Approximate number of bytes that the references of one agent need.
+    pub(crate) fn memory(config: &TeamEntropy, spec: &TaskSpec) -> u64 {
+        let numbers = spec.observation_width() as u64 + 3;
+        4 * numbers * u64::from(config.references.get())
+    }
+
+    pub(crate) fn new(config: &TeamEntropy, context: &AgentContext<'_>) -> Self {
+        Self {
+            config: config.clone(),
+            width: context.spec.observation_width(),
+            scaling: Scaling::new(ObservationScaling::Range, context.spec),
+            references: References::default(),
+            scaled: Vec::new(),
+            scratch: NeighborScratch::default(),
+        }
+    }
+
+    /// Replaces the references by states of `episodes`. Start states are none of them, because no
+    /// step leads there.
+    pub(crate) fn draw_references(&mut self, episodes: &[&Episode], random: &mut Stream) {
+        let ends = episodes.iter().scan(0, |end, episode| {
+            *end += episode.length();
+            Some(*end)
+        });
+        let ends: Vec<usize> = ends.collect();
+        let steps = ends.last().copied().unwrap_or(0);
+        let count = steps.min(self.config.references.get() as usize);
+        let drawn = index::sample(random, steps, count).into_iter();
+        let mut drawn: Vec<(StepName, &[f32])> = drawn
+            .map(|position| {
+                let index = ends.partition_point(|&end| end <= position);
+                let episode = episodes[index];
+                let step = position + episode.length() - ends[index];
+                let state = &episode.observations[(step + 1) * self.width..][..self.width];
+                ((episode.agent, episode.episode, step as u32), state)
+            })
+            .collect();
+        drawn.sort_unstable_by_key(|(name, _)| *name);
+        let rows: Vec<f32> = drawn
+            .iter()
+            .flat_map(|(_, state)| *state)
+            .copied()
+            .collect();
+        self.scale(&rows);
+        let columns = (0..self.width).flat_map(|column| {
+            let rows = self.scaled.chunks_exact(self.width);
+            rows.map(move |row| row[column])
+        });
+        self.references = References {
+            columns: columns.collect(),
+            steps: drawn.into_iter().map(|(name, _)| name).collect(),
+        };
+    }
+
+    /// log(1 + d) of every `stride`-th step of an episode, 0 without references.   `gains:
+    /// [⌈T/stride⌉]`, overwritten
+    pub(crate) fn compute_gains(&mut self, episode: &Episode, stride: usize, gains: &mut Vec<f32>) {
+        self.scale(episode.observations.get(self.width..).unwrap_or_default());
+        let neighbors = self.config.neighbors.get() as usize;
+        gains.clear();
+        for step in (0..episode.length()).step_by(stride) {
+            let name = (episode.agent, episode.episode, step as u32);
+            let distance = state_entropy::distance_to_neighbor(
+                &self.scaled[step * self.width..][..self.width],
+                &self.references.columns,
+                self.references.steps.binary_search(&name).ok(),
+                neighbors,
+                &mut self.scratch,
+            );
+            gains.push(distance.map_or(0.0, state_entropy::bonus));
+        }
+    }
+
+    /// Scales observations, and clips them, so that distances are finite.
+    fn scale(&mut self, observations: &[f32]) {
+        self.scaling.apply(observations, &mut self.scaled);
+        let limit = STANDARDIZED_LIMIT as f32;
+        for number in &mut self.scaled {
+            *number = number.clamp(-limit, limit);
+        }
+    }
+
+    /// Copies the references of another model.
+    pub(crate) fn copy_learned(&mut self, trained: &Self) {
+        self.references.clone_from(&trained.references);
+    }
+
+    /// The references, after the first round, and the scaling of observations.
+    pub(super) fn tensors(&self) -> Vec<Tensor<'_>> {
+        let mut tensors = self.scaling.tensors();
+        let count = self.references.steps.len();
+        if count > 0 {
+            let columns = &self.references.columns;
+            let row = |row| (0..self.width).map(move |column| columns[column * count + row]);
+            tensors.push(Tensor {
+                name: "references".to_owned(),
+                shape: vec![count, self.width],
+                values: (0..count).flat_map(row).collect(),
+            });
+        }
+        tensors
+    }
+
+    pub(crate) fn save(&self) -> Vec<u8> {
+        postcard::to_stdvec(&self.references).expect("plain numbers always serialize")
+    }
+
+    pub(crate) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
+        let references: References =
+            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let (stored, expected) = (
+            references.columns.len(),
+            references.steps.len() * self.width,
+        );
+        if stored != expected {
+            return Err(format!(
+                "the checkpoint has {stored} coordinates of reference states; expected {expected}"
+            ));
+        }
+        self.references = references;
+        Ok(())
+    }
+}

@@ -1,0 +1,400 @@
+//! Leader and followers: split and aggregate policy gradients (SAPG; Singla, Agarwal & Pathak, ICML
+//! 2024).
+//!
+//! Agent 0 is the leader. The followers, all others, learn from their own episodes only, each with
+//! another weight of its entropy, so that they explore. The leader learns from its own episodes, with
+//! an entropy weight of 0, and from a sample of the followers' episodes, with importance ratios: its
+//! loss is L(own) + λ L(followers), where the surrogate of PPO is clipped around the ratio that the
+//! leader had before the update ([`ppo_around`](crate::rl::policy_loss::ppo_around)).
+//!
+//! Differences from the paper: each agent has networks of its own, where the policies of SAPG share a
+//! network and differ in some of its inputs. Values are learned towards V-trace targets, where SAPG has
+//! three-step returns on own and one-step returns on other episodes. λ weights each sample of the
+//! followers' episodes, which are drawn whole, where SAPG draws as many steps as the leader's own.
+//!
+//! The result of SAPG is its leader. Measures of a team here, such as `Solved`, are means over all
+//! agents, the followers included; results per agent have the leader in the rows of agent 0.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::AlgorithmConfig;
+use super::seed_pg::SeedPgAgent;
+use super::seed_pg::config::{
+    AdvantageEstimate, Clipping, Data, Minibatch, PolicyLoss, ReturnNormalisation, SeedPg, Sharing,
+    Standardization, TimeLimit, VTrace, ValueTarget,
+};
+use crate::agent::bonus::Bonus;
+use crate::agent::network_info::NetworkInfo;
+use crate::agent::policy::ActionSelection;
+use crate::agent::scaling::ObservationScaling;
+use crate::nn::AdamSettings;
+use crate::team::{IndependentLearners, Team, TeamContext};
+use seedbed_env::TaskSpec;
+use seedbed_env::input::numbers::{
+    Count, Fraction, NonNegative, Positive, ranged_count, ranged_number,
+};
+use seedbed_env::input::{Located, ValidationError};
+
+/// Leader and followers (SAPG, Singla, Agarwal & Pathak 2024): agent 0, the leader, also learns from
+/// episodes of the followers, which learn from their own only. Each agent has networks of its own; in
+/// SAPG they share one network. Measures of the team are means over the leader and all followers.
+#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LeaderFollowers {
+    /// Weight λ of the followers' steps in the leader's losses.
+    pub follower_weight: NonNegative,
+    /// How many of the followers' episodes of a round the leader learns from.
+    pub sharing: Sharing,
+    /// Weight σ of the policy's entropy (nats) in the loss of the last follower. Agent k of K has the
+    /// weight σ k / (K − 1): 0 for the leader.
+    pub entropy_bonus: NonNegative,
+    /// Clipping range ε of the importance ratio.
+    pub clip: NonNegative,
+    /// Trace parameter λ of advantages (Retrace) and value targets (V-trace).
+    pub lambda: Fraction,
+    /// Discount factor γ.
+    pub discount: Fraction,
+    /// Whether the time limit counts as the end of an episode.
+    pub time_limit: TimeLimit,
+    /// Over which samples advantages are standardized, if at all.
+    pub standardise: Standardization,
+    /// How targets of the value function are normalized.
+    pub returns: ReturnNormalisation,
+    /// How observations are scaled for the networks.
+    pub observations: ObservationScaling,
+    /// How actions are chosen from the policy's distribution.
+    pub actions: Located<ActionSelection>,
+    /// Number of units of each hidden layer, the same for both networks.
+    pub hidden: Located<Vec<Count<4096>>>,
+    /// Number of passes over the episodes of a round.
+    pub epochs: Count<10_000>,
+    /// Samples that one gradient step is computed from.
+    pub minibatch: Minibatch,
+    /// Maximal Euclidean norm of each network's gradient; `None`: no maximum.
+    pub gradient_clip: Option<Positive>,
+    /// Initial standard deviation of continuous actions, as a share of half their range.
+    pub initial_deviation: Positive,
+    /// The policy's optimizer.
+    pub policy_optimiser: AdamSettings,
+    /// The value function's optimizer.
+    pub value_optimiser: AdamSettings,
+    /// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
+    pub bonus: Located<Bonus>,
+}
+
+impl Default for LeaderFollowers {
+    fn default() -> Self {
+        let defaults = SeedPg::default();
+        Self {
+            follower_weight: ranged_number(1.0),
+            sharing: Sharing::Sampled {
+                trajectories: ranged_count(1),
+            },
+            entropy_bonus: ranged_number(0.005),
+            clip: ranged_number(0.2),
+            lambda: ranged_number(0.95),
+            discount: defaults.discount,
+            time_limit: TimeLimit::Bootstraps,
+            standardise: Standardization::PerMinibatch,
+            returns: defaults.returns,
+            observations: ObservationScaling::Range,
+            actions: defaults.actions,
+            hidden: defaults.hidden,
+            epochs: ranged_count(4),
+            minibatch: Minibatch::Steps(ranged_count(64)),
+            gradient_clip: defaults.gradient_clip,
+            initial_deviation: defaults.initial_deviation,
+            policy_optimiser: defaults.policy_optimiser,
+            value_optimiser: defaults.value_optimiser,
+            bonus: defaults.bonus,
+        }
+    }
+}
+
+/// Number of the agent that leads.
+const LEADER: u32 = 0;
+
+impl AlgorithmConfig for LeaderFollowers {
+    fn build(&self, context: &TeamContext<'_>) -> Box<dyn Team> {
+        let agents = context.config.count.get();
+        IndependentLearners::build(context, |agent| {
+            let learner = SeedPgAgent::new(&self.learner(agent.agent, agents), agent);
+            if agent.agent == LEADER {
+                learner.with_weight_of_others(self.follower_weight.get_f32())
+            } else {
+                learner
+            }
+        })
+    }
+
+    fn check(&self) -> Result<(), ValidationError> {
+        if *self.actions == ActionSelection::Greedy {
+            return Err(self.actions.error(
+                "greedy actions have no importance ratios; expected `Sampled` or `Tempered`",
+            ));
+        }
+        self.learner(LEADER, 1).check()
+    }
+
+    fn select_actions(&mut self, selection: ActionSelection) {
+        self.actions = selection.into();
+    }
+
+    fn bonus(&self) -> Option<&Bonus> {
+        Some(&self.bonus)
+    }
+
+    fn network_info(&self, task: &TaskSpec, agents: usize) -> Option<NetworkInfo> {
+        self.learner(LEADER, 1).network_info(task, agents)
+    }
+
+    fn estimates_advantages(&self) -> bool {
+        true
+    }
+
+    fn memory(&self, task: &TaskSpec, agents: u32, steps: u64) -> u64 {
+        self.learner(LEADER, 1).memory(task, agents, steps)
+    }
+
+    /// The leader learns from up to as many episodes as there are agents, each follower from one.
+    fn cost_per_step(&self, agents: u32) -> f64 {
+        let of_followers = f64::from(agents.saturating_sub(1));
+        let shared = match self.sharing {
+            Sharing::All => of_followers,
+            Sharing::Sampled { trajectories } => of_followers.min(trajectories.get().into()),
+        };
+        let own = self.learner(LEADER + 1, 2).cost_per_step(agents);
+        own + f64::from(self.epochs.get()) * shared / f64::from(agents)
+    }
+}
+
+impl LeaderFollowers {
+    /// The parameters of one of `agents` agents.
+    fn learner(&self, agent: u32, agents: u32) -> SeedPg {
+        let data = if agent == LEADER {
+            Data::Shared
+        } else {
+            Data::Own
+        };
+        let lambda = self.lambda;
+        SeedPg {
+            value_data: data,
+            policy_data: data,
+            sharing: self.sharing,
+            value_target: ValueTarget::VTrace(VTrace {
+                lambda,
+                ..VTrace::default()
+            })
+            .into(),
+            advantage: AdvantageEstimate::Retrace { lambda }.into(),
+            policy_loss: PolicyLoss::Ppo {
+                clip: self.clip,
+                clipping: Clipping::Joint,
+            }
+            .into(),
+            entropy_bonus: entropy_weight(self.entropy_bonus, agent, agents),
+            standardise: self.standardise,
+            returns: self.returns,
+            discount: self.discount,
+            time_limit: self.time_limit,
+            observations: self.observations,
+            actions: self.actions.clone(),
+            hidden: self.hidden.clone(),
+            epochs: self.epochs,
+            minibatch: self.minibatch,
+            gradient_clip: self.gradient_clip,
+            initial_deviation: self.initial_deviation,
+            policy_optimiser: self.policy_optimiser,
+            value_optimiser: self.value_optimiser,
+            bonus: self.bonus.clone(),
+            ..SeedPg::default()
+        }
+    }
+}
+
+/// The weight of the entropy of agent k of K: σ k / (K − 1). SAPG prints σ k, which depends on the
+/// number of agents.
+fn entropy_weight(largest: NonNegative, agent: u32, agents: u32) -> NonNegative {
+    let last = agents.saturating_sub(1).max(1);
+    ranged_number(largest.get() * f64::from(agent) / f64::from(last))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::agent::TeamConfig;
+    use crate::experience::Episode;
+    use crate::seed::RewardSeeds;
+    use crate::team::{AgentUpdate, Learner, LearningRequest, LearningTiming, Workers};
+    use seedbed_env::{Action, Choice, Quantity, Status};
+
+    /// K = 5, σ = 0.4: weights 0, 0.1, 0.2, 0.3, 0.4. A single agent leads.
+    #[test]
+    fn entropy_weights_by_hand() {
+        let weights = |agents: u32| -> Vec<f64> {
+            let config = LeaderFollowers {
+                entropy_bonus: ranged_number(0.4),
+                ..LeaderFollowers::default()
+            };
+            let learners = (0..agents).map(|agent| config.learner(agent, agents));
+            learners
+                .map(|learner| learner.entropy_bonus.get())
+                .collect()
+        };
+        let expected = [0.0, 0.1, 0.2, 0.3, 0.4];
+        let computed = weights(5);
+        assert!(
+            computed.len() == 5
+                && computed
+                    .iter()
+                    .zip(expected)
+                    .all(|(a, b)| (a - b).abs() < 1e-12),
+            "{computed:?}"
+        );
+        assert_eq!(weights(1), [0.0]);
+    }
+
+    fn spec() -> TaskSpec {
+        let quantity = |name: &str| Quantity {
+            name: name.to_owned(),
+            unit: String::new(),
+            range: [-1.0, 1.0],
+        };
+        TaskSpec {
+            observations: vec![quantity("x"), quantity("y")],
+            actions: vec![Action {
+                quantity: quantity("push"),
+                choice: Choice::Discrete(vec![-1.0, 1.0]),
+            }],
+            time_limit: 8,
+            ..TaskSpec::new("test", Vec::new(), Vec::new())
+        }
+    }
+
+    /// An episode of six steps whose rewards have the given phase.
+    fn episode(agent: u32, phase: f32) -> Episode {
+        let wave =
+            |count: usize, phase: f32| (0..count).map(|i| (i as f32 * 0.9 + phase).sin()).collect();
+        Episode {
+            observations: wave(14, agent as f32),
+            actions: vec![0.0, 1.0, 1.0, 0.0, 1.0, 0.0],
+            rewards: wave(6, phase),
+            log_probs: vec![0.5_f32.ln(); 6],
+            outcome: Status::Terminated,
+            ..Episode::start(agent, 0, 0, &spec())
+        }
+    }
+
+    /// The updates of three agents, whose episodes have rewards of these phases.
+    fn learn(config: &LeaderFollowers, phases: [f32; 3]) -> Vec<(AgentUpdate, Vec<f32>)> {
+        let team = TeamConfig {
+            count: ranged_count(3),
+            seeds: RewardSeeds::Normal {
+                sigma: ranged_number(0.0),
+            }
+            .into(),
+            ..TeamConfig::default()
+        };
+        let mut team = config.build(&TeamContext {
+            run_seed: 1,
+            config: &team,
+            local_agents: None,
+            spec: &spec(),
+            timing: LearningTiming::AfterEpisodes,
+            record_advantages: false,
+        });
+        let episodes: Vec<Episode> = (0..)
+            .zip(phases)
+            .map(|(k, phase)| episode(k, phase))
+            .collect();
+        let learners: Vec<Learner> = (0..3)
+            .map(|agent| Learner {
+                agent,
+                first_new_episode: 0,
+                earlier_updates: 0,
+            })
+            .collect();
+        let request = LearningRequest {
+            episodes: &episodes,
+            lengths: &[6; 3],
+            learners: &learners,
+        };
+        let updates = team.learn(&request, Workers::CURRENT_THREAD);
+        let tensors = team.tensors();
+        let parameters = |agent: u32| {
+            let own = tensors
+                .iter()
+                .filter(|tensor| tensor.name.starts_with(&format!("agent_{agent}.")));
+            own.flat_map(|tensor| tensor.values.to_vec()).collect()
+        };
+        updates.into_iter().zip((0..3).map(parameters)).collect()
+    }
+
+    /// Which agents learn something else if the rewards of another agent's episode are others.
+    fn agents_that_notice(config: &LeaderFollowers, changed: usize) -> [bool; 3] {
+        let mut phases = [0.1, 0.2, 0.3];
+        let before = learn(config, phases);
+        phases[changed] = 2.0;
+        let after = learn(config, phases);
+        [0, 1, 2].map(|agent| before[agent].1 != after[agent].1)
+    }
+
+    /// The leader learns from the episodes of all, followers from their own only. With the weight 0,
+    /// the leader learns from its own only.
+    #[test]
+    fn only_the_leader_learns_from_others() {
+        for minibatch in [Minibatch::Trajectory, Minibatch::Steps(ranged_count(4))] {
+            let config = |weight| LeaderFollowers {
+                follower_weight: ranged_number(weight),
+                sharing: Sharing::All,
+                standardise: Standardization::Off,
+                returns: ReturnNormalisation::Raw,
+                minibatch,
+                ..LeaderFollowers::default()
+            };
+            let noticed =
+                |weight| [0, 1, 2].map(|changed| agents_that_notice(&config(weight), changed));
+            assert_eq!(
+                noticed(1.0),
+                [
+                    [true, false, false],
+                    [true, true, false],
+                    [true, false, true]
+                ]
+            );
+            assert_eq!(
+                noticed(0.0),
+                [
+                    [true, false, false],
+                    [false, true, false],
+                    [false, false, true]
+                ]
+            );
+        }
+    }
+
+    /// A sample of one has the episode of one of the two followers.
+    #[test]
+    fn the_leader_samples_episodes_of_followers() {
+        let config = LeaderFollowers {
+            returns: ReturnNormalisation::Raw,
+            ..LeaderFollowers::default()
+        };
+        let noticed = [1, 2].map(|changed| agents_that_notice(&config, changed)[0]);
+        assert!(noticed[0] != noticed[1], "{noticed:?}");
+    }
+
+    /// Only followers have an entropy bonus: the leader and the team of σ = 0 learn the same.
+    #[test]
+    fn entropy_bonuses_change_followers_only() {
+        let config = |sigma| LeaderFollowers {
+            entropy_bonus: ranged_number(sigma),
+            ..LeaderFollowers::default()
+        };
+        let phases = [0.1, 0.2, 0.3];
+        let [with, without] = [0.5, 0.0].map(|sigma| learn(&config(sigma), phases));
+        let differs = [0, 1, 2].map(|agent: usize| with[agent].1 != without[agent].1);
+        assert_eq!(differs, [false, true, true]);
+    }
+}
