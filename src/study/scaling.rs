@@ -93,7 +93,7 @@ fn team_size<'a>(
 /// The slope of ln m(K) over ln K of each method with at least two sizes: −1 if K agents are K times
 /// as fast.
 #[must_use]
-pub fn slopes<'a>(results: &'a Results, measure: Measure) -> Vec<(Method<'a>, Option<Estimate>)> {
+pub fn slopes(results: &Results, measure: Measure) -> Vec<(Method<'_>, Option<Estimate>)> {
     let cells: Vec<&CellResults> = results.cells.iter().collect();
     let methods = methods(&cells).into_iter();
     methods

@@ -199,7 +199,7 @@ impl LeaderFollowers {
             discount: self.discount,
             time_limit: self.time_limit,
             observations: self.observations,
-            actions: self.actions.clone(),
+            actions: self.actions,
             hidden: self.hidden.clone(),
             epochs: self.epochs,
             minibatch: self.minibatch,

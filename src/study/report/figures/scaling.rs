@@ -48,12 +48,12 @@ pub(super) fn scaling(
             "{} over the size of the team",
             capitalized(&measure.title())
         ),
-        picture: picture(panels),
+        picture: picture(&panels),
         caption,
     }
 }
 
-fn picture(panels: Vec<Curves>) -> Picture {
+fn picture(panels: &[Curves]) -> Picture {
     let rows = panels.chunks(PANELS_PER_ROW).map(|curves| Row {
         height: 330.0,
         panels: curves

@@ -823,7 +823,7 @@ mod tests {
     /// Unweighted bonuses of the steps of each new episode, as agent `agent` computes them in update
     /// number `earlier_updates`.
     fn entropy_bonuses(
-        config: TeamEntropy,
+        config: &TeamEntropy,
         agent: u32,
         earlier_updates: u32,
         episodes: &[Episode],
@@ -834,7 +834,7 @@ mod tests {
         };
         let config = TeamEntropy {
             scale: raw,
-            ..config
+            ..config.clone()
         };
         let mut bonuses = Vec::new();
         let experience = Experience {
@@ -865,7 +865,7 @@ mod tests {
                 neighbors: ranged_count(neighbors),
                 ..TeamEntropy::default()
             };
-            entropy_bonuses(config, agent, 0, &episodes).concat()
+            entropy_bonuses(&config, agent, 0, &episodes).concat()
         };
         for (model, neighbors, agent, distances) in [
             (ModelSharing::Shared, 1, 0, [0.1_f64, 0.2, 0.1]),
@@ -928,7 +928,7 @@ mod tests {
             ..TeamEntropy::default()
         };
         let drawn = |agent, update| {
-            let bonuses = entropy_bonuses(config.clone(), agent, update, &episodes).concat();
+            let bonuses = entropy_bonuses(&config, agent, update, &episodes).concat();
             let zeros = bonuses
                 .iter()
                 .enumerate()
