@@ -22,6 +22,7 @@ mod recording;
 mod registration;
 mod reliability;
 mod review;
+mod scaling;
 mod shared_world;
 mod state_files;
 #[cfg(unix)]
