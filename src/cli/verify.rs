@@ -60,13 +60,18 @@ pub(super) fn verify(
     amount: Amount,
 ) -> Result<usize, CliError> {
     let beside_study = StudyFolder::new(published_folder(&plan.path));
+    let has_runs = args.out.is_some() || folder.path().exists();
+    let folder = if !has_runs && published::is_published(&beside_study) {
+        &beside_study
+    } else {
+        folder
+    };
+    check_same_study(plan, folder)?;
     if published::is_published(folder) {
-        return verify_published(args, plan, folder, amount);
+        verify_published(args, plan, folder, amount)
+    } else {
+        verify_stored(args, plan, folder, amount)
     }
-    if args.out.is_none() && !folder.path().exists() && published::is_published(&beside_study) {
-        return verify_published(args, plan, &beside_study, amount);
-    }
-    verify_stored(args, plan, folder, amount)
 }
 
 /// Where the published results of a study are: `results/<study>` beside its file.
@@ -81,7 +86,6 @@ fn verify_stored(
     folder: &StudyFolder,
     amount: Amount,
 ) -> Result<usize, CliError> {
-    check_same_study(plan, folder)?;
     let runs = plan.distinct_runs();
     if let Some(path) = runs.iter().find_map(|run| damaged_file(run, folder)) {
         return Err(CliError::Usage(damage_message(&path)));
@@ -109,7 +113,6 @@ fn verify_published(
     folder: &StudyFolder,
     amount: Amount,
 ) -> Result<usize, CliError> {
-    check_same_study(plan, folder)?;
     let published = PublishedRuns::read(folder);
     let published = published.map_err(|error| CliError::Usage(error.to_string()))?;
     let is_published = |run: &PlannedRun<'_>| published.contains(run);

@@ -311,7 +311,7 @@ impl ClaimDirection {
 }
 
 /// Whether the name of a cell has this part, as separated by commas.
-pub(super) fn has_part(cell: &str, part: &str) -> bool {
+pub(in crate::study) fn has_part(cell: &str, part: &str) -> bool {
     cell.split(", ").any(|each| each == part)
 }
 

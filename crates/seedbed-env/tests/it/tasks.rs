@@ -210,8 +210,8 @@ fn play_corridor(name: &str, has_rules: bool, goal: u8, corridor: u8) -> Vec<(f3
     play_in(&mut *environment, 20, &policy)
 }
 
-/// A policy that knows the goal of the run reaches it, whichever of the eight it is; in the run of
-/// another goal, it is rewarded in no episode.
+/// For each of the eight goals, a policy that knows where the goal is reaches it. The same policy is
+/// never rewarded in a run with another goal.
 fn assert_each_goal_can_be_reached(name: &str, has_rules: bool, max_steps: u32) {
     for goal in 0..8 {
         let episodes = play_corridor(name, has_rules, goal, goal);

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::{UnnumberedFigure, capitalized, color};
 use crate::study::comparison::{Quantity, Samples};
+use crate::study::file::has_part;
 use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
 use crate::study::scaling::{Method, best_single_agent, methods, replace_part, values};
@@ -28,7 +29,6 @@ pub(super) fn scaling(
         .iter()
         .map(|cell| cell.description.task.as_str())
         .collect();
-    tasks.dedup();
     tasks.sort_unstable();
     tasks.dedup();
     let panel = |task: &&str| {
@@ -164,10 +164,7 @@ fn common_parts(methods: &[Method<'_>]) -> String {
     let Some((first, others)) = methods.split_first() else {
         return String::new();
     };
-    let is_common = |part: &&str| {
-        let has_part = |method: &Method<'_>| method.name.split(", ").any(|each| each == *part);
-        others.iter().all(has_part)
-    };
+    let is_common = |part: &&str| others.iter().all(|method| has_part(&method.name, part));
     let parts: Vec<&str> = first.name.split(", ").filter(is_common).collect();
     if others.is_empty() {
         return String::new();
@@ -176,8 +173,8 @@ fn common_parts(methods: &[Method<'_>]) -> String {
 }
 
 fn without_parts(name: &str, common: &str) -> String {
-    let is_common = |part: &&str| common.split(", ").any(|each| each == *part);
-    let parts: Vec<&str> = name.split(", ").filter(|part| !is_common(part)).collect();
+    let is_own = |part: &&str| !has_part(common, part);
+    let parts: Vec<&str> = name.split(", ").filter(is_own).collect();
     parts.join(", ")
 }
 
