@@ -5,7 +5,6 @@
 //! trains it, and the others copy what it has learned. Formulas are in [`rl`](crate::rl).
 
 mod rnd;
-mod transitions;
 mod vime;
 
 use schemars::JsonSchema;
@@ -15,8 +14,8 @@ pub use self::rnd::Rnd;
 pub use self::vime::{Gain, ModelBuffer, ModelSeeds, Vime};
 
 use self::rnd::RndModel;
-use self::transitions::TransitionEncoder;
 use self::vime::VimeModel;
+use super::dynamics::transitions::TransitionEncoder;
 use super::network_info::{BonusInfo, setting_text};
 use super::{AgentContext, PROBE_STEPS, Tensor};
 use crate::experience::{Episode, Experience};
