@@ -26,6 +26,7 @@ pub(super) struct EpisodeSlots {
 #[derive(Debug, Default)]
 struct StepBuffers {
     playing: Vec<bool>,
+    steps: Vec<u32>,
     actions: Vec<f32>,
     log_probs: Vec<f32>,
     scratch: ActScratch,
@@ -89,11 +90,16 @@ impl EpisodeSlots {
         buffers
             .playing
             .extend(self.slots.iter().map(EpisodeSlot::is_playing));
+        buffers.steps.clear();
+        buffers
+            .steps
+            .extend(self.slots.iter().map(EpisodeSlot::steps));
         buffers.actions.resize(self.slots.len() * width, 0.0);
         buffers.log_probs.resize(self.slots.len() * width, 0.0);
         let mut request = ActionRequest {
             first_agent: self.slots[0].agent as usize,
             unreported_steps,
+            steps: &buffers.steps,
             observations: &environment.observations()[first_copy * observation_width..]
                 [..self.slots.len() * observation_width],
             playing: &buffers.playing,
@@ -140,6 +146,12 @@ impl EpisodeSlot {
 
     pub(super) fn is_playing(&self) -> bool {
         self.playing.is_some()
+    }
+
+    /// Number of steps of the episode that is playing; 0 without one.
+    fn steps(&self) -> u32 {
+        let playing = self.playing.as_ref();
+        playing.map_or(0, |episode| episode.length() as u32)
     }
 
     /// Starts the agent's episode number `episode`.

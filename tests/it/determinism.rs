@@ -169,6 +169,25 @@ fn a_crashed_hyper_agent_resumes_to_the_same_bits() {
     ]);
 }
 
+/// Agents draw a model in each episode, and plan in it.
+#[test]
+fn a_crashed_team_of_planners_resumes_to_the_same_bits() {
+    assert_resumed_run_gives_the_same_bits(&["--set", PLANNERS]);
+}
+
+#[test]
+fn planners_give_the_same_bits_on_any_number_of_threads() {
+    let (_temporary, one, three) = two_run_folders();
+    for (out, threads) in [(&one, "1"), (&three, "3")] {
+        let arguments = ["--set", PLANNERS, "--threads", threads, "--no-recording"];
+        run_to_end(out, &[&SHORT_RUN[..], &arguments].concat());
+    }
+    assert_same_results(&one, &three);
+}
+
+const PLANNERS: &str =
+    "algorithm=SeedPsrl(draw: Fresh, horizon: 4, candidates: 16, elites: 4, minibatches: 20)";
+
 const ENSEMBLE_OVERRIDES: [&str; 4] = [
     "--set",
     "algorithm=SeedTd(models: Ensemble(most: 2), bonus: Rnd(minibatches: 5))",

@@ -123,6 +123,24 @@ fn team_entropy_lets_teams_solve_the_sparse_mountain_car() {
     assert!(!is_solved_in(1, scenario_file, &["algorithm=Random"], 40));
 }
 
+/// In their first episodes planners spin the pendulum, because they do not know the costs.
+#[test]
+fn planners_swing_up_the_pendulum_in_few_episodes_and_random_agents_do_not() {
+    let stop = "stop=Solved(return: -600, window: 3, at_most: 20)";
+    let planners = [
+        "algorithm=SeedPsrl(hold: 2)",
+        "agents=(count: 4, seeds: Normal(sigma: 0))",
+        stop,
+    ];
+    assert!(is_solved_in(2, "pendulum.ron", &planners, 20));
+    assert!(!is_solved_in(
+        1,
+        "pendulum.ron",
+        &["algorithm=Random", stop],
+        20
+    ));
+}
+
 #[test]
 fn q_learning_solves_the_cartpole() {
     assert!(is_solved_in(

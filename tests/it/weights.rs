@@ -371,6 +371,7 @@ fn all_tensors_and_keys_are_documented() {
         "SeedTd(learning: (observations: Running), bonus: Vime(seeds: Scale))",
         "QLearning()",
         "HyperAgent()",
+        "SeedPsrl(hidden: [3], horizon: 3)",
         "CrossEntropy(hidden: [3])",
     ] {
         let setting = format!("algorithm={algorithm}");

@@ -29,11 +29,12 @@ pub enum Purpose {
     Recording = 6,
     /// Random actions in previews and benchmarks.
     Preview = 7,
-    /// The initial parameters of a bonus model.
+    /// The initial parameters of a bonus model or of a model to plan in.
     ModelParameters = 8,
-    /// The part of an agent seed that modifies the agent's bonus model, drawn once.
+    /// The part of an agent seed that modifies the agent's bonus model or draws the model that it
+    /// plans in, drawn once.
     ModelSeeds = 9,
-    /// Minibatches and sampled weights for training a bonus model in one round.
+    /// Minibatches and sampled weights for training a bonus model or a model to plan in in one round.
     ModelTraining = 10,
     /// Sampled weights for an agent's bonuses in one round.
     BonusNoise = 11,
@@ -67,6 +68,9 @@ pub enum Purpose {
     TrainedIndices = 26,
     /// The random vectors z that perturb single transitions, with [`transition_stream`].
     TransitionNoise = 27,
+    /// The draws of the models that an agent plans in, one per episode of a round, if they are not
+    /// those of its agent seed.
+    FreshModelSeeds = 28,
     /// The part of an agent seed for the rewards of a tabular task, drawn once.
     TabularSeeds = 41,
     /// The noise that an agent seed adds to the observations of one parameter. The index of the

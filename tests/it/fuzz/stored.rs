@@ -25,7 +25,7 @@ use crate::state_files::{frame, small_file};
 use crate::util::{files_below, run_successful};
 
 /// Algorithms of the runs whose checkpoints are changed, with their schedules.
-const ALGORITHMS: [(&str, &str); 9] = [
+const ALGORITHMS: [(&str, &str); 10] = [
     (
         "seed_pg",
         "algorithm: SeedPg(hidden: [4], bonus: Vime(model: Independent, hidden: [4])), schedule: Asynchronous()",
@@ -57,6 +57,10 @@ const ALGORITHMS: [(&str, &str); 9] = [
     (
         "hyper_agent",
         "algorithm: HyperAgent(dimension: 2, draw: EveryRound, learning: (hidden: [4])), schedule: Lockstep()",
+    ),
+    (
+        "seed_psrl",
+        "algorithm: SeedPsrl(hidden: [4], horizon: 3, candidates: 8, minibatches: 5)",
     ),
     ("cross_entropy", "algorithm: CrossEntropy()"),
 ];

@@ -140,7 +140,7 @@ fn accepted_scenarios_run() {
     let generator = scenario::Generator::new();
     let mut coverage = Coverage::default();
     let path = folder.path().join("scenario.ron");
-    for index in 0..6000 {
+    for index in 0..14000 {
         let (text, overrides) = generator.generate(&mut random(index));
         fs::write(&path, &text).unwrap();
         let all = format!("{text} {}", overrides.join(" "));

@@ -13,6 +13,7 @@ use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::cross_entropy::CrossEntropy;
 use seedbed_learn::algorithms::leader_followers::LeaderFollowers;
 use seedbed_learn::algorithms::seed_pg::config::SeedPg;
+use seedbed_learn::algorithms::seed_psrl::SeedPsrl;
 use seedbed_learn::algorithms::value_based::config::{BootstrappedDqn, QLearning, SeedTd};
 use seedbed_learn::algorithms::value_based::hyper_agent::HyperAgent;
 use serde_json::Value;
@@ -63,6 +64,7 @@ impl Generator {
                 ("SeedTd", schema::<SeedTd>()),
                 ("BootstrappedDqn", schema::<BootstrappedDqn>()),
                 ("HyperAgent", schema::<HyperAgent>()),
+                ("SeedPsrl", schema::<SeedPsrl>()),
                 ("CrossEntropy", schema::<CrossEntropy>()),
             ],
             agents: schema::<TeamConfig>(),
@@ -74,7 +76,10 @@ impl Generator {
     /// A scenario and overrides of it.
     pub(crate) fn generate(&self, random: &mut Stream) -> (String, Vec<String>) {
         let (name, config) = &self.algorithms[random.random_range(0..self.algorithms.len())];
-        let is_value_based = !matches!(*name, "SeedPg" | "LeaderFollowers" | "CrossEntropy");
+        let is_value_based = !matches!(
+            *name,
+            "SeedPg" | "LeaderFollowers" | "SeedPsrl" | "CrossEntropy"
+        );
         let mut overrides = Vec::new();
         let mut parts = vec![format!(
             "algorithm: {name}{}",

@@ -1,12 +1,15 @@
 //! Agents, which act in one copy of an environment and learn from the team's shared experience.
 //!
 //! [`Agent`] is the trait. The modules are the parts of agents: policies, networks, the scaling of
-//! observations, exploration bonuses. Implementations are in [`algorithms`](crate::algorithms).
-//! This module must not depend on files, threads or recordings.
+//! observations, models of the dynamics, planning in them, exploration bonuses. Implementations are
+//! in [`algorithms`](crate::algorithms). This module must not depend on files, threads or
+//! recordings.
 
 pub mod bonus;
+pub(crate) mod dynamics;
 pub(crate) mod network;
 pub mod network_info;
+pub(crate) mod planning;
 pub mod policy;
 #[cfg(test)]
 mod policy_reference;
@@ -18,6 +21,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::bonus::BonusModel;
+use self::planning::PlanningBuffers;
 use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Activations, Initial, Mlp};
 use crate::seed::{RewardSeeds, SameInitial};
@@ -152,6 +156,7 @@ pub struct ActScratch {
     pub(crate) activations: Activations,
     pub(crate) outputs: Vec<f32>,
     pub(crate) values: ValueScratch,
+    pub(crate) planning: PlanningBuffers,
 }
 
 /// Buffers for the values of the agents that act by one value model.

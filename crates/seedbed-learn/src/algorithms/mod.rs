@@ -9,6 +9,7 @@ pub mod cross_entropy;
 pub mod leader_followers;
 pub mod random;
 pub mod seed_pg;
+pub mod seed_psrl;
 pub mod value_based;
 
 use serde::{Deserialize, Serialize};
@@ -78,6 +79,12 @@ pub trait AlgorithmConfig {
     /// The exploration bonus; none if the algorithm has no such parameter.
     fn bonus(&self) -> Option<&Bonus> {
         None
+    }
+
+    /// Number of the team's newest transitions that the shared buffer must keep after all agents
+    /// have learned from them.
+    fn transitions_kept(&self) -> u64 {
+        self.bonus().map_or(0, Bonus::transitions_kept)
     }
 
     /// How the networks of a team of `agents` are evaluated, for readers of its
@@ -186,6 +193,7 @@ algorithms! {
         SeedTd(value_based::config::SeedTd),
         BootstrappedDqn(value_based::config::BootstrappedDqn),
         HyperAgent(value_based::hyper_agent::HyperAgent),
+        SeedPsrl(seed_psrl::SeedPsrl),
         CrossEntropy(cross_entropy::CrossEntropy),
     }
     without_parameters {
@@ -213,6 +221,6 @@ impl Algorithm {
     /// have learned from them.
     #[must_use]
     pub fn transitions_kept(&self) -> u64 {
-        self.config().bonus().map_or(0, Bonus::transitions_kept)
+        self.config().transitions_kept()
     }
 }

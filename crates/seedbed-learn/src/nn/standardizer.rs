@@ -104,6 +104,12 @@ impl Standardizer {
         self.mean.len()
     }
 
+    /// Whether all moments are those of `width` columns, also if they were read from a file.
+    #[must_use]
+    pub fn has_width(&self, width: usize) -> bool {
+        self.mean.len() == width && self.squares.len() == width
+    }
+
     /// Transforms each column by (x − shift)/scale, clamped to ±10.
     fn map_columns(
         &self,

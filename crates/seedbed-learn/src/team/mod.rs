@@ -168,6 +168,8 @@ pub struct ActionRequest<'a> {
     pub first_agent: usize,
     /// Number of steps that have been played since the last [`Team::end_step`]; 0 in evaluation.
     pub unreported_steps: u32,
+    /// Number of steps that each agent's episode has so far; 0 at its beginning: `[agents]`.
+    pub steps: &'a [u32],
     /// Observations of the group: `[agents × observation width]`.
     pub observations: &'a [f32],
     /// Whether each agent plays; rows of other agents are ignored: `[agents]`.

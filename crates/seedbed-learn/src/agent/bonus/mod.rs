@@ -6,7 +6,6 @@
 
 mod rnd;
 mod team_entropy;
-mod transitions;
 mod vime;
 
 use schemars::JsonSchema;
@@ -18,8 +17,8 @@ pub use self::vime::{Gain, ModelBuffer, ModelSeeds, Vime};
 
 use self::rnd::RndModel;
 use self::team_entropy::TeamEntropyModel;
-use self::transitions::TransitionEncoder;
 use self::vime::VimeModel;
+use super::dynamics::transitions::TransitionEncoder;
 use super::network_info::{BonusInfo, setting_text};
 use super::{AgentContext, PROBE_STEPS, Tensor};
 use crate::experience::{Episode, Experience};

@@ -4,8 +4,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::transitions::{Moments, Rows, TransitionEncoder};
 use super::{BonusScale, ModelSharing};
+use crate::agent::dynamics::transitions::{Moments, Rows, Targets, TransitionEncoder};
 use crate::agent::network::{Descent, LearnedState, Network};
 use crate::agent::{AgentContext, Tensor, network_tensors};
 use crate::experience::Episode;
@@ -70,7 +70,7 @@ struct Saved<L, M> {
 
 /// Sizes of the layers of both networks, from their inputs to their outputs.
 fn layer_sizes(config: &Rnd, spec: &TaskSpec) -> Vec<usize> {
-    let [inputs, _] = TransitionEncoder::widths(spec);
+    let [inputs, _] = TransitionEncoder::widths(spec, Targets::Changes);
     let hidden = config.hidden.iter().map(|units| units.get() as usize);
     let sizes = [inputs].into_iter().chain(hidden);
     sizes.chain([config.outputs.get() as usize]).collect()
@@ -92,7 +92,7 @@ impl RndModel {
         Self {
             predictor: Network::new(predictor, initial_parameters, config.optimiser),
             config: config.clone(),
-            encoder: TransitionEncoder::new(context.spec),
+            encoder: TransitionEncoder::new(context.spec, Targets::Changes),
             target,
             target_parameters,
             rows: Rows::default(),
@@ -187,7 +187,7 @@ impl RndModel {
     /// Copies what another model has learned, as far as gains depend on it.
     pub(crate) fn copy_learned(&mut self, trained: &Self) {
         self.predictor.copy_parameters(&trained.predictor);
-        self.encoder.restore(trained.encoder.moments().clone());
+        self.encoder.copy_moments(&trained.encoder);
     }
 
     pub(crate) fn is_finite(&self) -> bool {
@@ -221,7 +221,7 @@ impl RndModel {
         let saved: Saved<LearnedState, Moments> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         self.predictor.restore(saved.predictor)?;
-        self.encoder.restore(saved.moments);
+        self.encoder.restore(saved.moments)?;
         Ok(())
     }
 }

@@ -6,17 +6,16 @@
 //! ‖ q before it), to second order (Eq. 32) or exactly. In Seed-VIME agent k computes bonuses with
 //! its own `φ_k`: the shared φ, modified by its seeds `z_k`.
 
-use rand_distr::{Distribution, StandardNormal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::transitions::{Moments, Rows, TransitionEncoder};
 use super::{BonusScale, ModelSharing};
-use crate::agent::network::Network;
+use crate::agent::dynamics::transitions::{Rows, Targets};
+use crate::agent::dynamics::{DynamicsModel, ModelShape, fill_normal};
 use crate::agent::{AgentContext, Tensor, network_tensors};
 use crate::experience::Episode;
-use crate::nn::bayesian::{BayesianState, DiagonalGaussian, Draws, PassBuffers};
-use crate::nn::{BayesianNetwork, BayesianSettings, Mlp};
+use crate::nn::BayesianSettings;
+use crate::nn::bayesian::{DiagonalGaussian, Draws, PassBuffers};
 use crate::rl::information_gain;
 use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{Count, Positive, ranged_count, ranged_number};
@@ -117,8 +116,7 @@ fn default_transitions() -> Count<100_000_000> {
 /// The model of one agent, or its copy of the team's model.
 pub(crate) struct VimeModel {
     config: Vime,
-    encoder: TransitionEncoder,
-    network: BayesianNetwork,
+    dynamics: DynamicsModel,
     /// Seeds `z_k` of the model: `[P]`.
     seeds: Vec<f32>,
     work: Workspace,
@@ -136,45 +134,36 @@ struct Workspace {
     draws: Draws,
 }
 
-/// What a checkpoint holds of a model. The rest derives from the scenario.
-#[derive(Serialize, Deserialize)]
-struct Saved<S, M> {
-    network: S,
-    moments: M,
-}
-
-/// Sizes of the layers of the model, from its inputs to its outputs.
-fn layer_sizes(config: &Vime, spec: &TaskSpec) -> Vec<usize> {
-    let [inputs, outputs] = TransitionEncoder::widths(spec);
-    let hidden = config.hidden.iter().map(|units| units.get() as usize);
-    let sizes = [inputs].into_iter().chain(hidden);
-    sizes.chain([outputs]).collect()
+impl Vime {
+    fn shape(&self) -> ModelShape<'_> {
+        ModelShape {
+            targets: Targets::Changes,
+            hidden: &self.hidden,
+            network: &self.network,
+        }
+    }
 }
 
 impl VimeModel {
-    /// Approximate number of bytes that a model needs: mean and deviation of each weight, each with the
-    /// moments of its optimizer, and draws.
+    /// Approximate number of bytes that a model needs.
     pub(crate) fn memory(config: &Vime, spec: &TaskSpec) -> u64 {
-        2 * Network::memory(&Mlp::new(&layer_sizes(config, spec)))
+        config.shape().memory(spec)
     }
 
     /// A model that draws from the random streams of agent `owner`; its seeds are those of the
     /// agent in `context`.
     pub(crate) fn new(config: &Vime, owner: u32, context: &AgentContext<'_>) -> Self {
-        let sizes = layer_sizes(config, context.spec);
         let mut random = stream(context.run_seed, Purpose::ModelParameters, owner, 0);
-        let network = BayesianNetwork::new(&sizes, &config.network, &mut random);
+        let dynamics = DynamicsModel::new(&config.shape(), context.spec, &mut random);
         let mut seeds = Vec::new();
-        let count = network.likelihood().weight_count();
         fill_normal(
             &mut seeds,
-            count,
+            dynamics.weight_count(),
             &mut stream(context.run_seed, Purpose::ModelSeeds, context.agent, 0),
         );
         Self {
             config: config.clone(),
-            encoder: TransitionEncoder::new(context.spec),
-            network,
+            dynamics,
             seeds,
             work: Workspace::default(),
         }
@@ -189,8 +178,8 @@ impl VimeModel {
         random: &mut Stream,
         gains: &mut Vec<f32>,
     ) {
-        let count = self.network.likelihood().weight_count();
-        self.encoder
+        let count = self.dynamics.weight_count();
+        self.dynamics
             .load_episode(episode, stride, &mut self.work.rows);
         let draws = match self.config.gain {
             Gain::OneDraw => 1,
@@ -216,7 +205,7 @@ impl VimeModel {
         let Workspace {
             perturbed, noise, ..
         } = &mut self.work;
-        let posterior = self.network.posterior();
+        let posterior = self.dynamics.network().posterior();
         match self.config.seeds {
             ModelSeeds::Off => perturbed.clone_from(posterior),
             ModelSeeds::Scale => perturbed.copy_scaled(posterior, &self.seeds),
@@ -245,7 +234,7 @@ impl VimeModel {
             self.config.step.get_f32(),
             coefficients,
         );
-        self.network.likelihood().weighted_squares(
+        self.dynamics.network().likelihood().weighted_squares(
             (weights, coefficients),
             (&rows.inputs, &rows.targets),
             pass,
@@ -276,7 +265,7 @@ impl VimeModel {
                 );
             }
         };
-        self.network.likelihood().expected_gradients(
+        self.dynamics.network().likelihood().expected_gradients(
             (perturbed, noise),
             (&rows.inputs, &rows.targets),
             draws,
@@ -293,71 +282,37 @@ impl VimeModel {
         is_frozen: bool,
         random: &mut Stream,
     ) -> f32 {
-        let error = self.prediction_error(new_episodes);
-        for episode in new_episodes {
-            self.encoder.update_moments(episode);
-        }
+        let error = self.dynamics.add_episodes(new_episodes);
         let is_cleared = self.config.buffer == ModelBuffer::Cleared;
         let training_episodes = if is_cleared {
             new_episodes
         } else {
             all_episodes
         };
-        let lengths = training_episodes.iter().map(|episode| episode.length());
-        let transition_count: usize = lengths.sum();
-        if is_frozen || transition_count == 0 {
+        let mut lengths = training_episodes.iter().map(|episode| episode.length());
+        if is_frozen || lengths.all(|length| length == 0) {
             return error;
         }
-        for _ in 0..self.config.minibatches.get() {
-            let Workspace { rows, noise, .. } = &mut self.work;
-            self.encoder.sample(
-                training_episodes,
-                self.config.minibatch.get() as usize,
-                random,
-                rows,
-            );
-            fill_normal(noise, self.network.likelihood().weight_count(), random);
-            self.network
-                .descend(&rows.inputs, &rows.targets, noise, transition_count);
-        }
+        let (minibatches, minibatch) = (&self.config.minibatches, &self.config.minibatch);
+        self.dynamics.train(
+            training_episodes,
+            minibatches.get(),
+            minibatch.get() as usize,
+            random,
+        );
         if is_cleared {
-            self.network.make_posterior_the_prior();
+            self.dynamics.make_posterior_the_prior();
         }
         error
     }
 
-    fn prediction_error(&mut self, episodes: &[&Episode]) -> f32 {
-        let (mut sum, mut count) = (0.0_f64, 0_usize);
-        for episode in episodes {
-            let Workspace { rows, pass, .. } = &mut self.work;
-            self.encoder.load_episode(episode, 1, rows);
-            let predicted = self.network.likelihood().forward(
-                &self.network.posterior().mean,
-                &rows.inputs,
-                pass,
-            );
-            sum += predicted
-                .iter()
-                .zip(&rows.targets)
-                .map(|(predicted, target)| f64::from(predicted - target).powi(2))
-                .sum::<f64>();
-            count += rows.targets.len();
-        }
-        (sum / count.max(1) as f64) as f32
-    }
-
     /// Copies what another model has learned, as far as gains depend on it.
     pub(crate) fn copy_learned(&mut self, trained: &Self) {
-        self.network.copy_posterior(&trained.network);
-        self.encoder.restore(trained.encoder.moments().clone());
+        self.dynamics.copy_learned(&trained.dynamics);
     }
 
     pub(crate) fn is_finite(&self) -> bool {
-        self.network
-            .posterior()
-            .mean
-            .iter()
-            .all(|mean| mean.is_finite())
+        self.dynamics.is_finite()
     }
 
     /// Formula of the gains, for readers of the tensors.
@@ -369,11 +324,7 @@ impl VimeModel {
 
     /// Means and standard deviations of the weights, and the moments of inputs and changes.
     pub(super) fn tensors(&self) -> Vec<Tensor<'_>> {
-        let (mlp, weights) = (self.network.likelihood().mlp(), self.network.posterior());
-        network_tensors(mlp, &weights.mean, "mean")
-            .chain(network_tensors(mlp, &weights.deviation, "deviation"))
-            .chain(self.encoder.tensors())
-            .collect()
+        self.dynamics.tensors()
     }
 
     /// The agent's seeds `z_k` of the model, if they modify it.
@@ -381,35 +332,15 @@ impl VimeModel {
         if self.config.seeds == ModelSeeds::Off {
             return Vec::new();
         }
-        let mlp = self.network.likelihood().mlp();
+        let mlp = self.dynamics.network().likelihood().mlp();
         network_tensors(mlp, &self.seeds, "seeds").collect()
     }
 
     pub(crate) fn save(&self) -> Vec<u8> {
-        let saved = Saved {
-            network: self.network.state(),
-            moments: self.encoder.moments(),
-        };
-        postcard::to_stdvec(&saved).expect("plain numbers always serialize")
+        self.dynamics.save()
     }
 
     pub(crate) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<BayesianState, Moments> =
-            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
-        let stored = saved.network.weight_count();
-        let expected = self.network.likelihood().weight_count();
-        if stored != expected {
-            return Err(format!(
-                "the checkpoint has {stored} weights of a bonus model; expected {expected}"
-            ));
-        }
-        self.network.restore(saved.network);
-        self.encoder.restore(saved.moments);
-        Ok(())
+        self.dynamics.restore(bytes, "a bonus model")
     }
-}
-
-fn fill_normal(numbers: &mut Vec<f32>, count: usize, random: &mut Stream) {
-    numbers.clear();
-    numbers.extend((0..count).map(|_| -> f32 { StandardNormal.sample(random) }));
 }

@@ -259,6 +259,7 @@ fn agents_act_greedily_by_their_own_values() {
         let mut request = ActionRequest {
             first_agent: 0,
             unreported_steps: 0,
+            steps: &[0, 0],
             observations: &observations,
             playing: &[true, true],
             random: &mut random,
