@@ -41,6 +41,7 @@ mod run;
 mod runs;
 mod sparkline;
 mod study;
+mod submit;
 mod tune;
 mod verify;
 
@@ -158,6 +159,8 @@ Existing files are never overwritten.")]
     Tune(tune::TuneArgs),
     /// Write the report for all finished runs of a study
     Report(ReportArgs),
+    /// Pack a registered study with its results, for others to check
+    Submit(SubmitArgs),
     /// Play the trained policies of a run without learning and print their returns
     Evaluate(EvaluateArgs),
     /// Record episodes of the trained policies of a run, including the moving bodies
@@ -446,6 +449,28 @@ struct ReportArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
+  seedbed submit scenarios/thesis/fig_6_1.ron                    write recordings/submissions/fig_6_1-LOCK.zip
+  seedbed submit scenarios/mine.ron --results results/mine --out mine.zip
+
+  unzip mine.zip && cd mine-*                                    what others do with it: its README.md
+  seedbed study scenarios/mine.ron --confirm --verify=2%         has the commands
+
+The file has the study, its lock, its scenarios and tasks, one row per run, and what made them. It is written only if the results of
+all runs are there and confirm what was registered.")]
+struct SubmitArgs {
+    /// Study file, which must be registered
+    #[arg(value_name = "STUDY")]
+    study: PathBuf,
+    /// Directory with runs or published results [default: that of the study, or else `results/STUDY` beside its file]
+    #[arg(long, value_name = "DIR")]
+    results: Option<PathBuf>,
+    /// Write the ZIP file here [default: recordings/submissions/STUDY-LOCK.zip]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
   seedbed replay recordings/cartpole/seed-0               write recordings/cartpole/seed-0/replay.rrd
   seedbed replay recordings/cartpole/seed-0 --agents 0,3 --actions greedy
   seedbed replay recordings/cartpole/seed-0/run.rrd --episodes 20 --seed 7 --out replay.rrd")]
@@ -546,6 +571,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Study(args) => study::study(&args),
         Command::Tune(args) => tune::tune(&args),
         Command::Report(args) => report::report(&args),
+        Command::Submit(args) => submit::submit(&args),
         Command::Runs(args) => runs::runs(&args),
         Command::Replay(args) => replay::replay(&args),
         Command::Inspect(args) => inspect::inspect(&args),

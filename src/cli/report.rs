@@ -127,7 +127,7 @@ pub(super) fn all_claims_are_decided(folder: &StudyFolder) -> Result<bool, CliEr
     Ok(!claims::evaluate(&results).iter().any(is_open))
 }
 
-fn read(folder: &StudyFolder) -> Result<Results, CliError> {
+pub(super) fn read(folder: &StudyFolder) -> Result<Results, CliError> {
     Results::read(folder).map_err(|error| match error {
         ResultsError::Folder(_)
         | ResultsError::Study(_)

@@ -110,7 +110,7 @@ fn load(args: &StudyArgs, path: &Path) -> Result<StudyPlan, CliError> {
     }
 }
 
-fn registration_error(error: RegistrationError) -> CliError {
+pub(super) fn registration_error(error: RegistrationError) -> CliError {
     match error {
         RegistrationError::File(error) => CliError::Runtime(error.to_string()),
         error => CliError::Usage(error.to_string()),

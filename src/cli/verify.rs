@@ -1,6 +1,6 @@
 //! `seedbed study --verify`: repeats stored or published runs, and compares their bits.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -59,7 +59,7 @@ pub(super) fn verify(
     folder: &StudyFolder,
     amount: Amount,
 ) -> Result<usize, CliError> {
-    let beside_study = StudyFolder::new(published_folder(&plan.path));
+    let beside_study = StudyFolder::new(published::folder_beside(&plan.path));
     let has_runs = args.out.is_some() || folder.path().exists();
     let folder = if !has_runs && published::is_published(&beside_study) {
         &beside_study
@@ -72,12 +72,6 @@ pub(super) fn verify(
     } else {
         verify_stored(args, plan, folder, amount)
     }
-}
-
-/// Where the published results of a study are: `results/<study>` beside its file.
-fn published_folder(study: &Path) -> PathBuf {
-    let name = study.file_stem().unwrap_or_default();
-    study.with_file_name("results").join(name)
 }
 
 fn verify_stored(

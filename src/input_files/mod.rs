@@ -6,6 +6,7 @@
 mod builtin;
 mod streams;
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use seedbed_env::TaskDescription;
@@ -115,6 +116,47 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Document<T>, InputError>
 /// The file, or one that it extends, cannot be read, or something in it is wrong.
 pub fn read_task(path: &Path) -> Result<(TaskDescription, String), InputError> {
     seedbed_env::load_from(&DiskAndBuiltin, path)
+}
+
+/// Paths of the files that a task is read from: its own, and those that it extends.
+///
+/// # Errors
+/// See [`read_task`].
+pub fn files_of_task(path: &Path) -> Result<Vec<PathBuf>, InputError> {
+    let source = ListedFiles::default();
+    seedbed_env::load_from(&source, path)?;
+    Ok(source.read.into_inner())
+}
+
+/// Files that were read from the disk or are built in.
+#[derive(Debug, Default)]
+struct ListedFiles {
+    read: RefCell<Vec<PathBuf>>,
+}
+
+impl FileSource for ListedFiles {
+    fn read(&self, path: &Path) -> Result<String, InputError> {
+        self.read.borrow_mut().push(path.to_owned());
+        DiskAndBuiltin.read(path)
+    }
+
+    fn folder_of(&self, path: &Path) -> PathBuf {
+        DiskAndBuiltin.folder_of(path)
+    }
+
+    fn is_file(&self, path: &Path) -> bool {
+        DiskAndBuiltin.is_file(path)
+    }
+
+    fn names_in(&self, folder: &Path) -> Vec<String> {
+        DiskAndBuiltin.names_in(folder)
+    }
+}
+
+/// Whether a path is that of a built-in file.
+#[must_use]
+pub fn is_builtin(path: &Path) -> bool {
+    builtin::is_builtin(path)
 }
 
 /// The file that a command-line argument names: a path, or a name in one of `directories`, which

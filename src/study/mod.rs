@@ -39,4 +39,5 @@ pub mod runner;
 pub mod scaling;
 pub mod shard;
 pub mod store;
+pub mod submission;
 pub mod tuning;

@@ -51,6 +51,27 @@ pub fn dependency_versions() -> Vec<&'static str> {
     versions.split_terminator(", ").collect()
 }
 
+/// What the CPU can execute: a level of x86-64, such as `x86-64-v3` with AVX2 and FMA, or the name of
+/// another architecture. Results do not depend on it.
+#[must_use]
+pub fn cpu_level() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::is_x86_feature_detected as has;
+        let has_v2 = has!("sse4.2") && has!("ssse3") && has!("popcnt") && has!("cmpxchg16b");
+        let has_v3 = has!("avx2") && has!("fma") && has!("bmi1") && has!("bmi2") && has!("f16c");
+        let has_v4 = has!("avx512f") && has!("avx512bw") && has!("avx512dq") && has!("avx512vl");
+        match (has_v2, has_v2 && has_v3, has_v2 && has_v3 && has_v4) {
+            (_, _, true) => "x86-64-v4",
+            (_, true, _) => "x86-64-v3",
+            (true, ..) => "x86-64-v2",
+            _ => "x86-64-v1",
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    std::env::consts::ARCH
+}
+
 /// Path of the running executable. On Linux it refers to the running version even if the file was
 /// replaced.
 fn executable() -> PathBuf {

@@ -34,9 +34,12 @@ use crate::text::from_spreadsheet_cell;
 /// Name of the file with one row per run.
 const TABLE: &str = "results.csv.gz";
 
+/// Name of the file with the manifest.
+const MANIFEST: &str = "study.json";
+
 /// What made the runs of a study: `builds.json`.
 #[derive(Serialize, Deserialize)]
-struct Builds {
+pub(super) struct Builds {
     versions: BTreeSet<String>,
     commits: BTreeSet<String>,
     /// Hashes of the executables, in hexadecimal digits.
@@ -59,25 +62,44 @@ pub fn write(
     let name = Path::new(&results.manifest.name).file_name();
     let folder = parent.join(name.ok_or(io::ErrorKind::InvalidFilename)?);
     std::fs::create_dir_all(&folder)?;
-    files::replace(
-        &folder.join("study.json"),
-        results.manifest.to_json().as_bytes(),
-    )?;
-    let builds = Builds {
-        versions: results.versions.clone(),
-        commits: results.commits.clone(),
-        executables: results
-            .builds
-            .iter()
-            .map(|build| format_build_id(*build))
-            .collect(),
-    };
-    files::replace(&folder.join(BUILDS), store::to_json(&builds).as_bytes())?;
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
-    encoder.write_all(&report::csv(results)?)?;
-    files::replace(&folder.join(TABLE), &encoder.finish()?)?;
+    for (name, bytes) in files(results)? {
+        files::replace(&folder.join(name), &bytes)?;
+    }
     report::write_texts(results, claim_results, &folder)?;
     Ok(folder)
+}
+
+/// Contents of `study.json`, `builds.json` and `results.csv.gz`, each with its name.
+///
+/// # Errors
+/// If the table cannot be made.
+pub fn files(results: &Results) -> io::Result<[(&'static str, Vec<u8>); 3]> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(&report::csv(results)?)?;
+    Ok([
+        (MANIFEST, results.manifest.to_json().into_bytes()),
+        (BUILDS, store::to_json(&Builds::of(results)).into_bytes()),
+        (TABLE, encoder.finish()?),
+    ])
+}
+
+/// Where the published results of a study are: `results/<study>` beside its file.
+#[must_use]
+pub fn folder_beside(study: &Path) -> PathBuf {
+    let name = study.file_stem().unwrap_or_default();
+    study.with_file_name("results").join(name)
+}
+
+impl Builds {
+    /// The builds that made the runs of a study.
+    pub(super) fn of(results: &Results) -> Self {
+        let executables = results.builds.iter();
+        Self {
+            versions: results.versions.clone(),
+            commits: results.commits.clone(),
+            executables: executables.map(|build| format_build_id(*build)).collect(),
+        }
+    }
 }
 
 /// Whether a folder has published results instead of runs.

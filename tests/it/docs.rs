@@ -37,16 +37,25 @@ fn shortened(line: &str) -> String {
     }
 }
 
+/// Copies files and directories of the repository into `folder`.
+fn copy_to(paths: &[&str], folder: &Path) {
+    let mut copy = Command::new("cp");
+    copy.arg("-r")
+        .args(paths)
+        .arg(folder)
+        .current_dir(REPOSITORY);
+    assert!(copy.status().unwrap().success());
+}
+
 /// Runs all commands of a page in one shell, in a directory with the files of the repository that
 /// commands name.
 fn run_commands(page: &str, at_least: usize) {
     let folder = tempfile::tempdir().unwrap();
-    let copy = Command::new("cp")
-        .args(["-r", "envs", "scenarios", "recordings"])
-        .arg(folder.path())
-        .current_dir(REPOSITORY)
-        .status();
-    assert!(copy.unwrap().success());
+    copy_to(&["envs", "scenarios"], folder.path());
+    // Without the runs and studies that this checkout may have made.
+    let recordings = folder.path().join("recordings");
+    std::fs::create_dir(&recordings).unwrap();
+    copy_to(&["recordings/README.md", "recordings/sample"], &recordings);
     let commands = commands(page);
     assert!(commands.len() >= at_least, "{page}: {commands:?}");
     let binary = Path::new(env!("CARGO_BIN_EXE_seedbed")).parent().unwrap();

@@ -30,6 +30,7 @@ mod stopping;
 mod study;
 #[cfg(unix)]
 mod study_checkpoints;
+mod submission;
 mod tabular;
 mod tune;
 mod util;

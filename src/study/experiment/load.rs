@@ -1,13 +1,13 @@
 //! Loads the experiment of a scenario file: a training scenario or a tabular scenario.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Experiment;
 use crate::input_files;
 use crate::run::Plan;
-use crate::scenario::Scenario;
 use crate::scenario::overrides::{self, Resolve};
+use crate::scenario::{self, Scenario};
 use crate::tabular::{TabularPlan, TabularScenario};
 use seedbed_env::input::{self, Document, FileKind, InputError};
 
@@ -67,6 +67,28 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
     Ok(Arc::new(
         plan.map_err(|error| LoadStep::Check.failed(error))?,
     ))
+}
+
+/// Paths of the files that [`load`] reads: the scenario, its task, and what the task extends. Built-in
+/// files have paths such as `builtin:envs/cartpole.ron`.
+///
+/// # Errors
+/// See [`load`].
+pub fn files_read(path: &Path, overrides: &[String]) -> Result<Vec<PathBuf>, LoadError> {
+    let origin = path.display().to_string();
+    let text = input_files::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
+    let mut files = vec![path.to_owned()];
+    if matches!(
+        input::file_kind(&origin, &text),
+        Ok(FileKind::TabularScenario)
+    ) {
+        return Ok(files);
+    }
+    let document: Document<Scenario> = parse_with_overrides(&origin, text, overrides)?;
+    let of_task = scenario::environment_path(&document, path)
+        .and_then(|task| input_files::files_of_task(&task));
+    files.extend(of_task.map_err(|error| LoadStep::Check.failed(error))?);
+    Ok(files)
 }
 
 /// The error that a file is no scenario, with the command that is meant for it.

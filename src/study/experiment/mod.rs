@@ -9,7 +9,7 @@ use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-pub use self::load::{LoadError, LoadStep, load};
+pub use self::load::{LoadError, LoadStep, files_read, load};
 pub use self::training::NO_THRESHOLD;
 use super::bench::BenchReport;
 use super::measure::Measure;
