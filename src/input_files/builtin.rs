@@ -37,6 +37,7 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "envs/cheetah.ron",
     "envs/corridors.ron",
     "envs/corridors_drawn.ron",
+    "envs/corridors_drawn_long.ron",
     "envs/corridors_drawn_short.ron",
     "envs/corridors_noisy.ron",
     "envs/corridors_north_east.ron",

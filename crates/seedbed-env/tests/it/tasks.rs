@@ -233,6 +233,7 @@ fn assert_each_goal_can_be_reached(name: &str, has_rules: bool, max_steps: u32) 
 fn each_goal_that_a_run_draws_can_be_reached() {
     assert_each_goal_can_be_reached("corridors_drawn_short", false, 60);
     assert_each_goal_can_be_reached("corridors_drawn", false, 100);
+    assert_each_goal_can_be_reached("corridors_drawn_long", false, 150);
     assert_each_goal_can_be_reached("corridors_noisy", false, 100);
     assert_each_goal_can_be_reached("corridors_rules", true, 200);
 }
