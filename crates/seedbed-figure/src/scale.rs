@@ -32,11 +32,15 @@ impl Scale {
         from + (value - low) / (high - low) * (to - from)
     }
 
-    /// Ticks at about `count` round values, with their labels.
+    /// Ticks at about `count` round values, with their labels. Those of a logarithmic scale are equally
+    /// spaced values if its range has fewer than two of 1, 2, 5, 10, 20, ….
     pub(super) fn ticks(&self, count: usize) -> Vec<(f64, String)> {
         let [low, high] = self.values;
         if self.logarithmic {
-            return powers_of_ten([low, high], count);
+            let ticks = logarithmic_ticks([low, high], count);
+            if ticks.len() > 1 {
+                return ticks;
+            }
         }
         let step = round_step((high - low) / count.max(1) as f64);
         let first = (low / step - 1e-9).ceil() as i64;
@@ -48,18 +52,26 @@ impl Scale {
     }
 }
 
-/// Ticks at no more than `count` powers of ten, with their labels.
-fn powers_of_ten([low, high]: [f64; 2], count: usize) -> Vec<(f64, String)> {
+/// Ticks at no more than `count` powers of ten, with their labels. If fewer than three are in the
+/// range, there are also ticks at two and five times these powers.
+fn logarithmic_ticks([low, high]: [f64; 2], count: usize) -> Vec<(f64, String)> {
     let (first, last) = (
         (low.log10() - 1e-9).ceil() as i32,
         (high.log10() + 1e-9).floor() as i32,
     );
-    let powers_per_tick = ((last - first + 1) as usize).div_ceil(count.max(1)).max(1);
-    (first..=last)
-        .step_by(powers_per_tick)
-        .map(|power| 10_f64.powi(power))
-        .map(|value| (value, format_number(value)))
-        .collect()
+    let powers = (last - first + 1).max(0) as usize;
+    let values: Vec<f64> = if powers < 3 {
+        let is_inside = |value: &f64| (low..=high).contains(value);
+        let around = (first - 1..=last).map(|power| 10_f64.powi(power));
+        let multiples = around.flat_map(|power| [1.0, 2.0, 5.0].map(|factor| factor * power));
+        multiples.filter(is_inside).collect()
+    } else {
+        let powers_per_tick = powers.div_ceil(count.max(1));
+        let shown = (first..=last).step_by(powers_per_tick);
+        shown.map(|power| 10_f64.powi(power)).collect()
+    };
+    let label = |value| (value, format_number(value));
+    values.into_iter().map(label).collect()
 }
 
 /// A round number close to `approximate`: 1, 2 or 5 times a power of ten.
@@ -214,6 +226,22 @@ mod tests {
                 ["0.1", "1", "10", "100"].map(str::to_owned).to_vec(),
                 vec!["0.1".into(), "10".into()]
             )
+        );
+    }
+
+    #[test]
+    fn short_logarithmic_axes_have_ticks_between_powers_of_ten() {
+        let labels = |low, high| {
+            let scale = Scale::new([low, high], [0.0, 1.0]).logarithmic(true);
+            let ticks = scale.ticks(5).into_iter();
+            ticks.map(|(_, label)| label).collect::<Vec<_>>()
+        };
+        assert_eq!(labels(3.0, 24.0), ["5", "10", "20"]);
+        assert_eq!(labels(0.9, 260.0), ["1", "10", "100"]);
+        assert_eq!(labels(1.0, 50.0), ["1", "2", "5", "10", "20", "50"]);
+        assert_eq!(
+            labels(12.0, 19.0),
+            ["12", "13", "14", "15", "16", "17", "18", "19"]
         );
     }
 
