@@ -114,6 +114,11 @@ fn commands_of_the_page_on_tuning_work() {
     run_commands("docs/tuning.md", 5);
 }
 
+#[test]
+fn commands_of_the_page_on_coordination_work() {
+    run_commands("docs/coordination.md", 3);
+}
+
 /// With `UPDATE_EXPECT=1` the page is rewritten.
 #[test]
 fn the_page_of_algorithms_is_current() {
