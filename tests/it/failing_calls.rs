@@ -11,6 +11,7 @@ use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use tempfile::TempDir;
 
@@ -101,11 +102,22 @@ impl Shim {
         text.lines().map(str::to_owned).collect()
     }
 
-    /// Runs a command, with something happening at the call `number`, from 1.
-    fn disturb(&self, command: Command, folder: &Path, number: usize, action: Action) -> Output {
+    /// Runs a command, with something happening at the call `number`, from 1. Also says whether the
+    /// command came to this call: how many there are depends on the time that it takes.
+    fn disturb(
+        &self,
+        command: Command,
+        folder: &Path,
+        number: usize,
+        action: Action,
+    ) -> (Output, bool) {
+        let report = tempfile::NamedTempFile::new().unwrap();
         let mut command = self.precede(command, folder);
         command.env("SHIM_AT", number.to_string());
-        command.env("SHIM_ACTION", action.word()).output().unwrap()
+        command.env("SHIM_REPORT", report.path());
+        let output = command.env("SHIM_ACTION", action.word()).output().unwrap();
+        let calls = fs::read_to_string(report.path()).unwrap();
+        (output, calls.lines().count() >= number)
     }
 }
 
@@ -162,6 +174,8 @@ impl Experiment {
             let numbers = calls.numbers(&found, index).into_iter();
             cases.extend(numbers.map(|number| (number, action)));
         }
+        let count = cases.len();
+        let disturbed = AtomicUsize::new(0);
         let cases = Mutex::new(cases.into_iter());
         let next = || cases.lock().unwrap().next();
         std::thread::scope(|scope| {
@@ -170,14 +184,19 @@ impl Experiment {
                     while let Some((number, action)) = next() {
                         let place = format!("{action:?} at call {number}: {}", found[number - 1]);
                         let path = folder.path().join(format!("{number}-{}", action.word()));
-                        self.check_case(&shim, &path, &whole, (number, action), &place);
+                        if self.check_case(&shim, &path, &whole, (number, action), &place) {
+                            disturbed.fetch_add(1, Ordering::Relaxed);
+                        }
                         fs::remove_dir_all(path).unwrap();
                     }
                 });
             }
         });
+        let disturbed = disturbed.into_inner();
+        assert!(disturbed * 4 >= count * 3, "only {disturbed} of {count}");
     }
 
+    /// Returns whether the command came to the call that is disturbed; if not, it must have succeeded.
     fn check_case(
         &self,
         shim: &Shim,
@@ -185,9 +204,14 @@ impl Experiment {
         whole: &Path,
         (number, action): (usize, Action),
         place: &str,
-    ) {
+    ) -> bool {
         (self.prepare)(path);
-        let output = shim.disturb((self.command)(path), path, number, action);
+        let (output, is_disturbed) = shim.disturb((self.command)(path), path, number, action);
+        if !is_disturbed {
+            assert!(output.status.success(), "{place}: {}", stderr(&output));
+            (self.compare)(whole, path);
+            return false;
+        }
         if action.kills() {
             assert_eq!(
                 output.status.signal(),
@@ -217,6 +241,7 @@ impl Experiment {
             "{place}: see above; the command printed {}",
             stderr(&output)
         );
+        true
     }
 }
 
