@@ -2,7 +2,7 @@
 //!
 //! A submission has the study, its lock, the scenarios and tasks that it reads and that are not built
 //! in, in the same directories relative to each other, its results as they are
-//! [published](super::published), and `submission.json`, which says what made the results and the
+//! [published], and `submission.json`, which says what made the results and the
 //! file. Unpacked, `seedbed study … --confirm --verify=2%` repeats some of the runs and compares their
 //! bits. Equal results of equal files give the same bytes.
 
