@@ -14,11 +14,12 @@ pub(super) fn submit(args: &SubmitArgs) -> Result<(), CliError> {
     let path = input_files::find_argument(&args.study, &[Directory::Scenarios])?;
     let plan = StudyPlan::load(&path, false)?;
     let plan = plan.registered().map_err(registration_error)?;
-    let folder = StudyFolder::new(
-        args.results
-            .clone()
-            .unwrap_or_else(|| results_folder(&plan)),
-    );
+    let folder = if let Some(folder) = &args.results {
+        StudyFolder::new(folder)
+    } else {
+        let stored = StudyFolder::new(plan.default_folder());
+        published::stored_or_beside(&plan.path, stored)
+    };
     check_same_study(&plan, &folder)?;
     let results = report::read(&folder)?;
     let archive = match &args.out {
@@ -30,22 +31,11 @@ pub(super) fn submit(args: &SubmitArgs) -> Result<(), CliError> {
     let (files, kilobytes) = (pluralize(packed.files, "file"), packed.bytes.div_ceil(1000));
     say!("packed     {} ({files}, {kilobytes} kB)", archive.display());
     say!(
-        "to check   unzip it, and in {}: seedbed study {} --confirm --verify=2%",
+        "to check   unzip it, and in {}: {}",
         packed.folder,
-        packed.study.display()
+        packed.verify
     );
     Ok(())
-}
-
-/// The directory of the study's runs or, if there is none, of the published results beside the study.
-fn results_folder(plan: &StudyPlan) -> PathBuf {
-    let beside_study = published::folder_beside(&plan.path);
-    let stored = plan.default_folder();
-    if !stored.exists() && published::is_published(&StudyFolder::new(&beside_study)) {
-        beside_study
-    } else {
-        stored
-    }
 }
 
 fn default_archive(plan: &StudyPlan) -> Result<PathBuf, CliError> {

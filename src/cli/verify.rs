@@ -59,12 +59,9 @@ pub(super) fn verify(
     folder: &StudyFolder,
     amount: Amount,
 ) -> Result<usize, CliError> {
-    let beside_study = StudyFolder::new(published::folder_beside(&plan.path));
-    let has_runs = args.out.is_some() || folder.path().exists();
-    let folder = if !has_runs && published::is_published(&beside_study) {
-        &beside_study
-    } else {
-        folder
+    let folder = &match args.out {
+        Some(_) => folder.clone(),
+        None => published::stored_or_beside(&plan.path, folder.clone()),
     };
     check_same_study(plan, folder)?;
     if published::is_published(folder) {

@@ -90,6 +90,18 @@ pub fn folder_beside(study: &Path) -> PathBuf {
     study.with_file_name("results").join(name)
 }
 
+/// The folder of a study's runs, `stored`, or, if there is none, that of the results that are
+/// published beside the study.
+#[must_use]
+pub fn stored_or_beside(study: &Path, stored: StudyFolder) -> StudyFolder {
+    let beside_study = StudyFolder::new(folder_beside(study));
+    if !stored.path().exists() && is_published(&beside_study) {
+        beside_study
+    } else {
+        stored
+    }
+}
+
 impl Builds {
     /// The builds that made the runs of a study.
     pub(super) fn of(results: &Results) -> Self {

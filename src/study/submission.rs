@@ -70,8 +70,8 @@ pub struct Packed {
     pub files: usize,
     /// Its size in bytes.
     pub bytes: usize,
-    /// Path of the study in it, from its directory.
-    pub study: PathBuf,
+    /// The command that repeats some of its runs, in its directory.
+    pub verify: String,
     /// Name of the directory that all its files are in.
     pub folder: String,
 }
@@ -154,7 +154,7 @@ pub fn write(plan: &StudyPlan, results: &Results, path: &Path) -> Result<Packed,
     Ok(Packed {
         files: files.len(),
         bytes: archive.len(),
-        study,
+        verify,
         folder,
     })
 }
