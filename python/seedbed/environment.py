@@ -45,6 +45,23 @@ def rendering(batch: Batch, task: Task, render_mode: str | None) -> dict[str, An
     return {"render_modes": modes, "render_fps": max(1, round(1 / task.control_step))}
 
 
+START_OPTIONS = ("positions", "velocities", "numbers")
+
+
+def given_start(options: dict[str, Any] | None) -> list[dict[str, float]] | None:
+    """The numbers of a start state that `options` gives; None if it gives no option.
+
+    Raises:
+        ValueError: There is no such option.
+    """
+    if not options:
+        return None
+    for name in options:
+        if name not in START_OPTIONS:
+            raise ValueError(f"unknown option {name!r}, expected one of {', '.join(START_OPTIONS)}")
+    return [dict(options.get(name, {})) for name in START_OPTIONS]
+
+
 class Env(gymnasium.Env[NDArray[np.float32], Any]):
     """One copy of a task.
 
@@ -106,17 +123,27 @@ class Env(gymnasium.Env[NDArray[np.float32], Any]):
             seed: Random number seed of the start states, from 0 to 2**64 - 1. They are those of agent 0 in
                 round 0 of a run with this run seed. Without a seed the sequence continues; before the
                 first one it is drawn by the operating system (`np_random_seed` returns it).
-            options: Ignored: tasks have no options.
+            options: A state in which the episode starts, instead of drawing one: `"positions"` and
+                `"velocities"` are dictionaries of coordinates (names of joints, or `NAME.x`, `NAME.y` and
+                `NAME.angle` of a free body) and numbers in m, rad, m/s or rad/s; `"numbers"` is one of
+                numbers in the task's `drawn_per_episode`. Coordinates that are not named start at rest
+                where the task places its bodies; other numbers are drawn.
 
         Returns:
             The observation, float32, `[observations]`, and an empty dictionary.
+
+        Raises:
+            ValueError: There is no such option, coordinate or number.
         """
+        start = given_start(options)
         if seed is None and self._batch.unseeded():
             seed = random_seed()
         if seed is not None:
             seed = checked_seed(seed)
             super().reset(seed=seed)
             self._batch.seed(0, seed)
+        if start is not None:
+            return self._batch.reset_one_at(*start), {}
         return self._batch.reset_one(), {}
 
     def step(
@@ -155,6 +182,16 @@ class Env(gymnasium.Env[NDArray[np.float32], Any]):
             `task.bodies`.
         """
         return self._batch.poses(0)
+
+    def coordinates(self) -> dict[str, dict[str, float]]:
+        """Where the bodies are, as the options with which `reset` starts an episode there.
+
+        Returns:
+            Dictionaries `"positions"` and `"velocities"` of coordinates by name (m, rad, m/s, rad/s) and
+            `"numbers"`, those in the task's `drawn_per_episode`. `get_state` is exact to the bit; this is
+            for comparisons with other simulators.
+        """
+        return dict(zip(START_OPTIONS, self._batch.coordinates(), strict=True))
 
     def get_state(self) -> bytes:
         """The whole state: bodies, number of steps, and the random stream of start states.

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
+import re
 import warnings
 from pathlib import Path
 
@@ -265,3 +267,34 @@ def test_poses_follow_the_observations():
     assert cart[0] == pytest.approx(observation[0], abs=1e-6)
     assert pole[2] == pytest.approx(-observation[2], abs=1e-6), "the angle of the task grows clockwise"
     assert seedbed.make("deep_sea").poses().shape == (0, 3)
+
+
+def test_an_episode_starts_in_a_given_state() -> None:
+    environment = seedbed.make("cartpole")
+    start = {"positions": {"slider": 0.25, "hinge": -0.125}, "velocities": {"hinge": 0.5}}
+    observation, _ = environment.reset(seed=3, options=start)
+    assert observation.tolist() == [0.25, 0.0, -0.125, 0.5]
+    assert environment.coordinates() == {
+        "positions": {"slider": 0.25, "hinge": -0.125},
+        "velocities": {"slider": 0.0, "hinge": 0.5},
+        "numbers": {},
+    }
+    for _ in range(5):
+        environment.step(1)
+    observation, _ = environment.reset(options=environment.coordinates())
+    assert np.array_equal(observation, environment.reset(options=environment.coordinates())[0])
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"position": {}}, "unknown option 'position', expected one of positions, velocities, numbers"),
+        ({"positions": {"rail": 1.0}}, 'options["positions"]: no coordinate is named "rail": expected one of slider, hinge'),
+        ({"velocities": {"hinge": math.nan}}, 'options["velocities"]["hinge"] is NaN, expected a finite number'),
+        ({"numbers": {"goal": 1.0}}, 'options["numbers"]: no number in `drawn_per_episode` is named "goal": the task has none'),
+    ],
+)
+def test_a_wrong_start_is_refused(options: dict[str, dict[str, float]], message: str) -> None:
+    environment = seedbed.make("cartpole")
+    with pytest.raises(ValueError, match=re.escape(message)):
+        environment.reset(seed=0, options=options)

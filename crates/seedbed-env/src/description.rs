@@ -8,14 +8,18 @@
 mod actuators;
 mod column_layout;
 mod distribution;
+mod episode_numbers;
 mod run_constants;
 mod sensors;
+mod surroundings;
 
 pub use actuators::{Actuator, Drive, Servo, ServoTarget};
 pub use column_layout::ColumnLayout;
 pub use distribution::Distribution;
+pub use episode_numbers::EpisodeNumber;
 pub use run_constants::RunConstant;
-pub use sensors::{BodyPoint, Measurement, Ray, Sensor};
+pub use sensors::{BodyPoint, Measurement, Ray, Sensor, Subtree};
+pub use surroundings::{Fluid, Rope, RopeEnd, Softness};
 
 use std::borrow::Cow;
 
@@ -42,7 +46,8 @@ pub struct BodyTask {
     pub origin: String,
     /// The task as an agent sees it.
     pub spec: TaskSpec,
-    /// What is drawn: the world's own shapes first, if there are any, then every body.
+    /// What is drawn: the world's own shapes first, if there are any, then every body, then every
+    /// marker.
     pub scene: Option<Scene>,
     /// Acceleration of free fall to the right and upwards, m/s².
     pub gravity: [f64; 2],
@@ -50,22 +55,33 @@ pub struct BodyTask {
     pub solver: Solver,
     /// Rigid bodies.
     pub bodies: Vec<Body>,
-    /// Joints: at most one per child body, parents before their children.
+    /// Joints, parents before their children. A body may be the child of several: up to two slides,
+    /// then at most one hinge, which add up.
     pub joints: Vec<Joint>,
     /// Indices of the bodies that are no joint's child.
     pub free_bodies: Vec<usize>,
     /// Surfaces of bodies and of the world that touch each other.
     pub colliders: Vec<Collider>,
+    /// How soft all contacts are; `None` is the default of the solver.
+    pub contact_softness: Option<Softness>,
+    /// Maximum distances between points.
+    pub ropes: Vec<Rope>,
+    /// What fills the world, if not a vacuum.
+    pub fluid: Option<Fluid>,
     /// One actuator per component of an action, in the same order.
     pub actuators: Vec<Actuator>,
     /// Numbers that are drawn once per run, with their values in one run.
     pub run_constants: Vec<RunConstant>,
-    /// What formulas may read besides constants of the run, observations and actions.
+    /// Numbers that are drawn at the start of each episode.
+    pub episode_numbers: Vec<EpisodeNumber>,
+    /// What formulas may read besides drawn numbers, observations and actions.
     pub sensors: Vec<Sensor>,
     /// Forces given by formulas, besides gravity.
     pub formula_forces: Vec<FormulaForce>,
     /// Bodies that are drawn at another place than they are.
     pub display_offsets: Vec<DisplayOffset>,
+    /// What is drawn but is no body, such as a target.
+    pub markers: Vec<Marker>,
     /// Observations, reward, termination.
     pub formulas: Formulas,
     /// Where episodes start. Coordinates that are not mentioned start at rest at the reference
@@ -101,6 +117,9 @@ pub struct Body {
     pub inertial: Inertial,
     /// Shapes in the body's frame.
     pub shapes: Vec<Shape>,
+    /// Lengths of the box as which the body moves through a fluid, m: along the body's x and y, and
+    /// perpendicular to the plane. A fluid does not resist a body without it.
+    pub fluid_box: Option<[f64; 3]>,
 }
 
 /// How a body resists forces.
@@ -164,6 +183,8 @@ pub struct Joint {
     pub kind: JointKind,
     /// Minimum and maximum of the coordinate, m or rad.
     pub range: Option<[f64; 2]>,
+    /// How soft the ends of the range are; `None` is the default of the solver.
+    pub range_softness: Option<Softness>,
     /// Forces that resist motion along the coordinate.
     pub passive_forces: PassiveForces,
 }
@@ -204,6 +225,18 @@ pub struct DisplayOffset {
     pub y: Program,
     /// Formula over sensors, added to the drawn angle, rad.
     pub angle: Program,
+}
+
+/// Shapes that are drawn at a place that formulas give. Nothing touches them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Marker {
+    /// Name, unique among bodies and markers.
+    pub name: String,
+    /// Shapes in the marker's frame.
+    pub shapes: Vec<Shape>,
+    /// Formulas over sensors and drawn numbers of the position (m) and the angle (rad) of the
+    /// marker's frame: x, y, angle.
+    pub pose: [Program; 3],
 }
 
 /// How a joint lets its child move.
@@ -378,6 +411,7 @@ impl BodyTask {
     pub fn column_layout(&self) -> ColumnLayout {
         ColumnLayout {
             run_constant_count: self.run_constants.len(),
+            episode_number_count: self.episode_numbers.len(),
             sensor_count: self.sensors.len(),
             observation_count: self.spec.observations.len(),
             action_count: self.actuators.len(),
@@ -389,6 +423,18 @@ impl BodyTask {
     #[must_use]
     pub fn coordinate_count(&self) -> usize {
         self.joints.len() + 3 * self.free_bodies.len()
+    }
+
+    /// Names of the coordinates: the joints, then `NAME.x`, `NAME.y` and `NAME.angle` of each free
+    /// body.
+    #[must_use]
+    pub fn coordinate_names(&self) -> Vec<String> {
+        let mut names: Vec<_> = self.joints.iter().map(|joint| joint.name.clone()).collect();
+        for &body in &self.free_bodies {
+            let body = &self.bodies[body].name;
+            names.extend(["x", "y", "angle"].map(|axis| format!("{body}.{axis}")));
+        }
+        names
     }
 
     /// The coordinates at the reference poses: 0 for joints.
@@ -407,7 +453,8 @@ impl BodyTask {
     }
 
     /// Whether each copy of the task needs a physics world of its own, because bodies can touch,
-    /// are free, or are pushed directly. Copies of other tasks share a world.
+    /// are free, are pushed directly, have several joints, or move through a fluid. Copies of other
+    /// tasks share a world.
     #[must_use]
     pub fn needs_own_worlds(&self) -> bool {
         let drives = self
@@ -415,9 +462,21 @@ impl BodyTask {
             .iter()
             .map(|actuator| actuator.drive)
             .chain(self.formula_forces.iter().map(|force| force.drive));
-        let acts_on_body = |drive| matches!(drive, Drive::BodyForce { .. });
+        let acts_on_body =
+            |drive| matches!(drive, Drive::BodyForce { .. } | Drive::BodyTorque { .. });
         drives.into_iter().any(acts_on_body)
             || !self.colliders.is_empty()
             || !self.free_bodies.is_empty()
+            || !self.ropes.is_empty()
+            || self.fluid.is_some()
+            || (1..self.joints.len()).any(|joint| self.first_joint_of_child(joint) != joint)
+    }
+
+    /// Index of the first joint whose child is that of the joint with this index.
+    #[must_use]
+    pub fn first_joint_of_child(&self, joint: usize) -> usize {
+        let child = self.joints[joint].child;
+        let first = self.joints.iter().position(|other| other.child == child);
+        first.unwrap_or(joint)
     }
 }

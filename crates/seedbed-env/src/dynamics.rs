@@ -33,6 +33,12 @@ pub trait Dynamics: Send {
     /// colliders there are none.
     fn contact_forces(&self, _copy: usize, _forces: &mut Vec<Force>) {}
 
+    /// The normal force between two colliders of `copy` at the end of the latest step, N. Without
+    /// colliders it is 0.
+    fn contact_force(&self, _copy: usize, _one: usize, _other: usize) -> f32 {
+        0.0
+    }
+
     /// The whole state of one copy as bytes, from which [`restore`](Self::restore) continues with
     /// the same bits.
     fn save(&self, copy: usize) -> Vec<u8>;

@@ -11,11 +11,12 @@ use serde::{Deserialize, Serialize};
 
 use super::description::{BodyTask, ColumnLayout, TaskDescription};
 use super::dynamics::{Dynamics, from_bytes, to_bytes};
-use super::expression::{Evaluator, ValueTable, copy_values};
+use super::expression::{Evaluator, Program, ValueTable, copy_values};
 use super::sensing::SensorReader;
 use super::tabular::TabularEnvironment;
 use super::{
-    Choice, Environment, Force, Physics, Pose, Scene, Status, TaskSpec, analytic, forces, physics,
+    Choice, Environment, Force, GivenStart, Physics, Pose, Scene, StartNames, Status, TaskSpec,
+    analytic, forces, physics,
 };
 use crate::input::InputError;
 use crate::random::Stream;
@@ -171,10 +172,54 @@ impl Environment for BodyEnvironment {
             velocities[start.coordinate] = start.velocity.draw(random);
         }
         self.dynamics.start(copy, positions, velocities);
-        self.episodes.rewards[copy] = 0.0;
-        self.episodes.statuses[copy] = Status::Running;
-        self.episodes.steps[copy] = 0;
-        self.observe(copy..copy + 1);
+        self.draw_episode_numbers(copy, random);
+        self.start_episode(copy);
+    }
+
+    fn start_names(&self) -> StartNames {
+        let numbers = self.task.episode_numbers.iter();
+        StartNames {
+            coordinates: self.task.coordinate_names(),
+            episode_numbers: numbers.map(|number| number.name.clone()).collect(),
+        }
+    }
+
+    fn reset_at(&mut self, copy: usize, random: &mut Stream, start: &GivenStart) {
+        self.draw_episode_numbers(copy, random);
+        for &(index, number) in &start.episode_numbers {
+            let column = self.columns.first_episode_number() + index;
+            self.table.column_mut(column)[copy] = number as f32;
+        }
+        let mut positions = self.task.reference_coordinates();
+        let mut velocities = vec![0.0; positions.len()];
+        for &(coordinate, position) in &start.positions {
+            positions[coordinate] = position;
+        }
+        for &(coordinate, velocity) in &start.velocities {
+            velocities[coordinate] = velocity;
+        }
+        self.dynamics.start(copy, &positions, &velocities);
+        self.start_episode(copy);
+    }
+
+    fn coordinates(&self, copy: usize) -> GivenStart {
+        let coordinates = self.dynamics.coordinates();
+        let indices = 0..self.task.coordinate_count();
+        let numbers = 0..self.columns.episode_number_count;
+        let number = |index| {
+            self.table
+                .column(self.columns.first_episode_number() + index)[copy]
+        };
+        GivenStart {
+            positions: indices
+                .clone()
+                .map(|index| (index, coordinates.get(index, copy).0.into()))
+                .collect(),
+            velocities: indices
+                .map(|index| (index, coordinates.get(index, copy).1.into()))
+                .collect(),
+            episode_numbers: numbers.map(|index| (index, number(index).into())).collect(),
+        }
     }
 
     fn set_run(&mut self, copies: Range<usize>, run_seed: u64) {
@@ -260,15 +305,17 @@ impl Environment for BodyEnvironment {
     }
 
     fn poses(&self, copy: usize, poses: &mut [Pose]) {
-        let fixed_bodies = poses.len() - self.task.bodies.len();
-        poses[..fixed_bodies].fill(Pose::default());
-        self.dynamics.poses(copy, &mut poses[fixed_bodies..]);
-        self.add_display_offsets(copy, &mut poses[fixed_bodies..]);
+        let (fixed, bodies, markers) = self.split_scene(poses.len());
+        poses[fixed].fill(Pose::default());
+        self.dynamics.poses(copy, &mut poses[bodies.clone()]);
+        self.add_display_offsets(copy, &mut poses[bodies]);
+        self.place_markers(copy, &mut poses[markers]);
     }
 
     fn forces(&self, copy: usize, poses: &[Pose], forces: &mut Vec<Force>) {
         if self.episodes.steps[copy] > 0 {
-            let bodies = &poses[poses.len() - self.task.bodies.len()..];
+            let (_, bodies, _) = self.split_scene(poses.len());
+            let bodies = &poses[bodies];
             let control = |index| self.table.column(self.columns.first_action() + index)[copy];
             let coordinate = |index| self.dynamics.coordinates().get(index, copy);
             forces::add_action_forces(&self.task, bodies, control, coordinate, forces);
@@ -292,6 +339,24 @@ impl BodyEnvironment {
             }
         }
         Ok(())
+    }
+
+    /// Draws the numbers of the episode that begins, in their order in the file.
+    fn draw_episode_numbers(&mut self, copy: usize, random: &mut Stream) {
+        for (index, number) in self.task.episode_numbers.iter().enumerate() {
+            let column = self.columns.first_episode_number() + index;
+            let value = number.distribution.draw(random);
+            self.table.column_mut(column)[copy] =
+                value.clamp(f32::MIN.into(), f32::MAX.into()) as f32;
+        }
+    }
+
+    /// Begins the episode of a copy whose bodies and numbers are at their start.
+    fn start_episode(&mut self, copy: usize) {
+        self.episodes.rewards[copy] = 0.0;
+        self.episodes.statuses[copy] = Status::Running;
+        self.episodes.steps[copy] = 0;
+        self.observe(copy..copy + 1);
     }
 
     /// Translates actions into controls, in the table's action columns.
@@ -325,23 +390,40 @@ impl BodyEnvironment {
         }
     }
 
-    /// Adds the display offsets of one copy to the poses of its bodies. This is called only to
-    /// draw, so that it may allocate.
+    /// Where the world, the bodies and the markers are in a scene of `count` bodies.
+    fn split_scene(&self, count: usize) -> (Range<usize>, Range<usize>, Range<usize>) {
+        let first_marker = count - self.task.markers.len();
+        let first_body = first_marker - self.task.bodies.len();
+        (0..first_body, first_body..first_marker, first_marker..count)
+    }
+
+    /// Adds the display offsets of one copy to the poses of its bodies.
     fn add_display_offsets(&self, copy: usize, poses: &mut [Pose]) {
-        let value = |program| {
-            Evaluator::new(program, self.copies()).evaluate(self.table.view(), copy..copy + 1)[0]
-        };
         for offset in &self.task.display_offsets {
-            poses[offset.body].y += value(&offset.y);
-            poses[offset.body].angle += value(&offset.angle);
+            poses[offset.body].y += self.value_of(&offset.y, copy);
+            poses[offset.body].angle += self.value_of(&offset.angle, copy);
         }
+    }
+
+    fn place_markers(&self, copy: usize, poses: &mut [Pose]) {
+        for (marker, pose) in self.task.markers.iter().zip(poses) {
+            let [x, y, angle] = marker
+                .pose
+                .each_ref()
+                .map(|formula| self.value_of(formula, copy));
+            *pose = Pose { x, y, angle };
+        }
+    }
+
+    /// The value of a formula in one copy. This is called only to draw: it allocates.
+    fn value_of(&self, formula: &Program, copy: usize) -> f32 {
+        Evaluator::new(formula, self.copies()).evaluate(self.table.view(), copy..copy + 1)[0]
     }
 
     /// Reads the sensors of some copies and computes their observations.
     fn observe(&mut self, copies: Range<usize>) {
-        let coordinates = self.dynamics.coordinates();
         self.sensors
-            .read(coordinates, copies.clone(), &mut self.table);
+            .read(&*self.dynamics, copies.clone(), &mut self.table);
         let width = self.columns.observation_count;
         for (index, formula) in self.observation_formulas.iter_mut().enumerate() {
             let column = self.columns.first_observation() + index;

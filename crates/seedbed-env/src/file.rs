@@ -11,9 +11,11 @@ mod actuators;
 mod checked;
 mod extends;
 mod joints;
+mod markers;
 mod resolve;
 mod sensors;
 mod surfaces;
+mod surroundings;
 
 use std::path::Path;
 
@@ -21,8 +23,10 @@ use serde::Deserialize;
 
 pub use actuators::{ActuatorKind, ForceFrame};
 pub use checked::{Direction, Interval, Name, Vector, WholeNumbers};
+pub use markers::Marker;
 pub use sensors::{Axis, SensorKind};
 pub use surfaces::{Collider, Geom, Points};
+pub use surroundings::{Fluid, Rope, RopeEnd, Softness};
 
 use super::description::{Integrator, TaskDescription};
 use super::tabular;
@@ -61,20 +65,36 @@ pub struct TaskFile {
     /// Fixed surfaces of the world that can be touched. They are drawn as well.
     #[serde(default, deserialize_with = "short_list")]
     pub colliders: Vec<Collider>,
+    /// How soft all contacts are; by default as soft as the solver needs them.
+    #[serde(default)]
+    pub contact_softness: Option<Softness>,
+    /// Maximum distances between points.
+    #[serde(default, deserialize_with = "short_list")]
+    pub ropes: Vec<Rope>,
+    /// What fills the world; by default nothing.
+    #[serde(default)]
+    pub fluid: Option<Fluid>,
     /// Name of the body that the view follows; by default the view is fixed.
     #[serde(default)]
     pub tracked: Option<Located<String>>,
     /// Rigid bodies.
     #[serde(deserialize_with = "short_list")]
     pub bodies: Vec<Body>,
-    /// Joints: at most one per child body, parents before their children. A body that is no joint's
-    /// child is free: it has the coordinates `NAME.x`, `NAME.y` and `NAME.angle`, the position and
-    /// angle of its frame in the world.
+    /// Joints, parents before their children. A body may be the child of several joints with the
+    /// same parent: up to two slides with perpendicular axes, then at most one hinge. A body that is
+    /// no joint's child is free: it has the coordinates `NAME.x`, `NAME.y` and `NAME.angle`, the
+    /// position and angle of its frame in the world.
     #[serde(default, deserialize_with = "short_list")]
     pub joints: Vec<Joint>,
     /// Numbers that are drawn once per run and that formulas read by name.
     #[serde(default, deserialize_with = "short_list")]
-    pub drawn_per_run: Vec<RunConstant>,
+    pub drawn_per_run: Vec<DrawnNumber>,
+    /// Numbers that are drawn at the start of each episode and that formulas read by name.
+    #[serde(default, deserialize_with = "short_list")]
+    pub drawn_per_episode: Vec<DrawnNumber>,
+    /// What is drawn at places that formulas give, such as a target.
+    #[serde(default, deserialize_with = "short_list")]
+    pub markers: Vec<Marker>,
     /// What the agent drives.
     #[serde(deserialize_with = "short_list")]
     pub actuators: Vec<Actuator>,
@@ -141,6 +161,10 @@ pub struct Body {
     /// Shapes in the body's frame that touch others. They are drawn and have mass as well.
     #[serde(default, deserialize_with = "short_list")]
     pub colliders: Vec<Collider>,
+    /// Lengths of the box as which the body moves through the fluid: along the body's x and y, and
+    /// perpendicular to the plane. By default the fluid does not resist it.
+    #[serde(default)]
+    pub fluid_box: Option<(Positive, Positive, Positive)>,
     /// Forces on the body, given by formulas.
     #[serde(default, deserialize_with = "short_list")]
     pub forces: Vec<Force>,
@@ -198,6 +222,9 @@ pub struct Joint {
     /// Minimum and maximum of the coordinate, m or rad; unlimited by default.
     #[serde(default)]
     pub range: Option<Located<Interval>>,
+    /// How soft the ends of the range are; by default hard.
+    #[serde(default)]
+    pub range_softness: Option<Located<Softness>>,
     /// Damping, N s/m or N m s/rad.
     #[serde(default)]
     pub damping: Option<Located<NonNegative>>,
@@ -282,14 +309,15 @@ pub enum Control {
 #[serde(try_from = "Vec<FiniteNumber>")]
 pub struct DiscreteValues(Vec<FiniteNumber>);
 
-/// A number that is drawn once per run, the same for all agents and episodes of the run.
+/// A number that is drawn once per run, the same for all agents and episodes of the run, or at the
+/// start of each episode.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RunConstant {
-    /// Name by which formulas read it, unique among constants of the run, sensors, observations and
+#[serde(rename = "Number", deny_unknown_fields)]
+pub struct DrawnNumber {
+    /// Name by which formulas read it, unique among drawn numbers, sensors, observations and
     /// actions; only an observation that shows it may have the same name.
     pub name: Located<Name>,
-    /// Its distribution over runs.
+    /// Its distribution over runs or episodes.
     pub value: Distribution,
 }
 

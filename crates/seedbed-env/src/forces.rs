@@ -71,7 +71,8 @@ fn applied_force(
     joint: impl Fn(usize) -> (f32, f32),
 ) -> Option<AppliedForce> {
     match drive {
-        Drive::Nothing => None,
+        // A torque on a free body has no place to be drawn at.
+        Drive::Nothing | Drive::BodyTorque { .. } => None,
         Drive::JointForce(index) => joint_force(task, &task.joints[index], value),
         Drive::Servo(servo) => joint_force(
             task,

@@ -15,7 +15,8 @@ pub struct KinematicTree {
     body_count: usize,
 }
 
-/// A joint as a transform between the frames of its parent and of its child.
+/// A joint as a transform between the frames of its parent and of its child. A further joint of the
+/// same child starts from where the earlier ones put it: its parent is then the child itself.
 #[derive(Clone, Copy, Debug)]
 pub struct Link {
     /// Index of the parent body; `None` is the world.
@@ -62,13 +63,15 @@ impl KinematicTree {
     /// The joints of a task.
     #[must_use]
     pub fn new(task: &BodyTask) -> Self {
-        let links = task
-            .joints
-            .iter()
-            .map(|joint| Link::new(joint, task))
-            .collect();
+        let links = task.joints.iter().enumerate().map(|(index, joint)| {
+            if task.first_joint_of_child(index) == index {
+                Link::new(joint.parent, joint, task)
+            } else {
+                Link::new(Some(joint.child), joint, task)
+            }
+        });
         Self {
-            links,
+            links: links.collect(),
             free_bodies: task.free_bodies.clone(),
             body_count: task.bodies.len(),
         }
@@ -120,13 +123,13 @@ impl KinematicTree {
 }
 
 impl Link {
-    fn new(joint: &Joint, task: &BodyTask) -> Self {
+    fn new(parent_body: Option<usize>, joint: &Joint, task: &BodyTask) -> Self {
         let frame_at_zero_coordinates =
             |body: usize| Frame::at(task.bodies[body].position, task.bodies[body].angle);
-        let parent = joint.parent.map_or(Frame::WORLD, frame_at_zero_coordinates);
+        let parent = parent_body.map_or(Frame::WORLD, frame_at_zero_coordinates);
         let child = frame_at_zero_coordinates(joint.child);
         Self {
-            parent: joint.parent,
+            parent: parent_body,
             child: joint.child,
             anchor_in_parent: parent.local_point(child.point(joint.anchor)),
             anchor_in_child: joint.anchor,

@@ -161,6 +161,25 @@ pub trait Environment: Send {
     /// Starts a new episode in `copy`, with a start state drawn from `random`.
     fn reset(&mut self, copy: usize, random: &mut Stream);
 
+    /// Names of the numbers that [`reset_at`](Self::reset_at) can be given. The default has none.
+    fn start_names(&self) -> StartNames {
+        StartNames::default()
+    }
+
+    /// Starts a new episode in `copy` in a given state. Coordinates that are not given start at rest
+    /// where the task places its bodies; numbers of the episode that are not given are drawn from
+    /// `random`. The default, for tasks without such numbers, is [`reset`](Self::reset).
+    fn reset_at(&mut self, copy: usize, random: &mut Stream, _start: &GivenStart) {
+        self.reset(copy, random);
+    }
+
+    /// The numbers that [`reset_at`](Self::reset_at) takes to start an episode in the current state of
+    /// `copy`. What contacts remember from one step to the next is not among them: [`save`](Self::save)
+    /// is exact. The default has none.
+    fn coordinates(&self, _copy: usize) -> GivenStart {
+        GivenStart::default()
+    }
+
     /// Sets the constants of the task that are drawn once per run to those of the run with this run
     /// seed, in some copies. They have the values of
     /// [`for_run`](crate::TaskDescription::for_run); other copies keep theirs. The default, for tasks
@@ -204,6 +223,26 @@ pub trait Environment: Send {
     /// `[bodies]`, in the order of the scene. There are none directly after a reset. This is called
     /// only to draw, so that it may allocate.
     fn forces(&self, _copy: usize, _poses: &[Pose], _forces: &mut Vec<Force>) {}
+}
+
+/// Names of the numbers in which episodes of a task can be started.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StartNames {
+    /// The coordinates: joints, then `NAME.x`, `NAME.y` and `NAME.angle` of each free body.
+    pub coordinates: Vec<String>,
+    /// The numbers that are drawn at the start of each episode.
+    pub episode_numbers: Vec<String>,
+}
+
+/// A start state that is given instead of drawn: pairs of an index in [`StartNames`] and a number.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GivenStart {
+    /// Positions of coordinates, m or rad.
+    pub positions: Vec<(usize, f64)>,
+    /// Velocities of coordinates, m/s or rad/s.
+    pub velocities: Vec<(usize, f64)>,
+    /// Numbers that are drawn at the start of each episode otherwise.
+    pub episode_numbers: Vec<(usize, f64)>,
 }
 
 /// What moves the bodies of a task.

@@ -1,13 +1,14 @@
 //! Sensing: from coordinates to what sensors measure.
 //!
 //! Everything that a sensor measures follows from the positions and velocities of the bodies, and
-//! these follow from the coordinates. This module must not depend on what moves the bodies.
+//! these follow from the coordinates; only the forces of contacts come from the
+//! [`Dynamics`]. This module must not depend on what moves the bodies.
 
 use std::f32::consts::{PI, TAU};
 use std::ops::Range;
 
-use super::description::{BodyPoint, BodyTask, Measurement};
-use super::dynamics::CoordinateColumns;
+use super::description::{BodyPoint, BodyTask, Measurement, Subtree};
+use super::dynamics::{CoordinateColumns, Dynamics};
 use super::expression::{Evaluator, ValueTable, copy_values};
 use super::kinematics::{Frame, KinematicTree};
 use super::physics::Geometry;
@@ -23,6 +24,8 @@ pub(super) struct SensorReader {
     needs_frames: bool,
     tree: KinematicTree,
     geometry: Geometry,
+    /// Masses (kg) and centers of mass in the bodies' frames (m): `[bodies]`
+    masses: Vec<(f64, [f64; 2])>,
     /// Positions of the coordinates of the copy that is being read: `[coordinates]`.
     positions: Vec<f64>,
     /// Velocities of the coordinates of the same copy: `[coordinates]`.
@@ -57,6 +60,11 @@ impl SensorReader {
             frames: tree.frame_buffer(),
             tree,
             geometry: Geometry::new(task),
+            masses: task
+                .bodies
+                .iter()
+                .map(|body| (body.inertial.mass, body.inertial.com))
+                .collect(),
             positions: vec![0.0; task.coordinate_count()],
             velocities: vec![0.0; task.coordinate_count()],
         }
@@ -65,10 +73,11 @@ impl SensorReader {
     /// Writes the measurements of some copies into the columns of the sensors.
     pub(super) fn read(
         &mut self,
-        coordinates: &CoordinateColumns,
+        dynamics: &dyn Dynamics,
         copies: Range<usize>,
         table: &mut ValueTable,
     ) {
+        let coordinates = dynamics.coordinates();
         for (index, measurement) in self.measurements.iter().enumerate() {
             let column = &mut table.column_mut(self.first_column + index)[copies.clone()];
             match measurement {
@@ -80,6 +89,11 @@ impl SensorReader {
                 }
                 Measurement::JointVelocity(coordinate) => {
                     copy_values(&coordinates.velocities(*coordinate)[copies.clone()], column);
+                }
+                Measurement::ContactForce(one, other) => {
+                    for (copy, value) in copies.clone().zip(column) {
+                        *value = dynamics.contact_force(copy, *one, *other);
+                    }
                 }
                 _ => {}
             }
@@ -126,6 +140,7 @@ impl SensorReader {
             Measurement::JointPosition(_)
             | Measurement::WrappedJointPosition(_)
             | Measurement::JointVelocity(_)
+            | Measurement::ContactForce(..)
             | Measurement::Formula(_) => {
                 return None;
             }
@@ -138,8 +153,23 @@ impl SensorReader {
             Measurement::Contact(one, other) => {
                 f32::from(u8::from(self.geometry.touch(*one, *other, &self.frames)))
             }
+            Measurement::SubtreePosition(subtree) => self.mean_over(subtree, Frame::point),
+            Measurement::SubtreeVelocity(subtree) => {
+                self.mean_over(subtree, |frame, com| frame.velocity_at(frame.point(com)))
+            }
             Measurement::Ray(ray) => self.geometry.ray_distance(ray, &self.frames),
         })
+    }
+
+    /// The mean of `quantity(frame, center of mass)` over the bodies of a subtree, weighted by mass.
+    fn mean_over(&self, subtree: &Subtree, quantity: fn(&Frame, [f64; 2]) -> [f64; 2]) -> f32 {
+        let (mut sum, mut total_mass) = (0.0, 0.0);
+        for &body in &subtree.bodies {
+            let (mass, com) = self.masses[body];
+            sum += mass * quantity(&self.frames[body], com)[subtree.axis];
+            total_mass += mass;
+        }
+        (sum / total_mass) as f32
     }
 
     fn position_of(&self, point: &BodyPoint) -> [f64; 2] {
@@ -155,10 +185,14 @@ fn wrap(wrapped: &mut [f32], angles: &[f32]) {
 }
 
 fn depends_on_frames(measurement: &Measurement) -> bool {
-    use Measurement::{Formula, JointPosition, JointVelocity, WrappedJointPosition};
+    use Measurement::{ContactForce, Formula, JointPosition, JointVelocity, WrappedJointPosition};
     !matches!(
         measurement,
-        JointPosition(_) | WrappedJointPosition(_) | JointVelocity(_) | Formula(_)
+        JointPosition(_)
+            | WrappedJointPosition(_)
+            | JointVelocity(_)
+            | ContactForce(..)
+            | Formula(_)
     )
 }
 

@@ -19,6 +19,7 @@ use super::actions::ActionReader;
 use super::description::{Task, task_error};
 use super::group::{Autoreset, Group, Phase, Rows};
 use super::picture;
+use super::start::{NamedNumbers, given_start, named_start};
 use super::threads::Threads;
 use crate::record::framing::Bounds;
 
@@ -251,6 +252,35 @@ impl Batch {
         self.check_single()?;
         self.reset_selected(py, |_| true)?;
         self.observe_one(py)
+    }
+
+    /// Starts a new episode in the only copy in a given state: positions (m, rad) and velocities of
+    /// coordinates and numbers of the episode by name. Coordinates that are not named start at rest
+    /// where the task places its bodies, other numbers are drawn. Returns the observation (float32,
+    /// `[observations]`).
+    fn reset_one_at<'py>(
+        &mut self,
+        py: Python<'py>,
+        positions: NamedNumbers,
+        velocities: NamedNumbers,
+        numbers: NamedNumbers,
+    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        self.check_single()?;
+        let group = &mut self.groups()[0];
+        let names = group.environment.start_names();
+        let start = given_start(&names, &positions, &velocities, &numbers)?;
+        guarded(|| group.reset_at(0, &start))?;
+        self.observe_one(py)
+    }
+
+    /// Positions and velocities of coordinates and numbers of the episode of the only copy, by name.
+    fn coordinates(&mut self) -> PyResult<[NamedNumbers; 3]> {
+        self.check_single()?;
+        let environment = &self.groups()[0].environment;
+        Ok(named_start(
+            &environment.start_names(),
+            &environment.coordinates(0),
+        ))
     }
 
     /// The current observation of the only copy (float32, `[observations]`).

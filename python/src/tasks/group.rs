@@ -1,7 +1,7 @@
 //! Copies of a task that one thread steps, with their episodes.
 
 use seedbed_env::random::{Purpose, Stream, stream};
-use seedbed_env::{Environment, Physics, Pose, Status};
+use seedbed_env::{Environment, GivenStart, Physics, Pose, Status};
 
 use super::state::CopyState;
 
@@ -97,6 +97,14 @@ impl Group {
     pub(super) fn reset(&mut self, copy: usize) {
         if let Some(stream) = &mut self.streams[copy] {
             self.environment.reset(copy, stream);
+            (self.steps[copy], self.phases[copy]) = (0, Phase::Running);
+        }
+    }
+
+    /// Starts a new episode in a given state, in a copy that has a random stream.
+    pub(super) fn reset_at(&mut self, copy: usize, start: &GivenStart) {
+        if let Some(stream) = &mut self.streams[copy] {
+            self.environment.reset_at(copy, stream, start);
             (self.steps[copy], self.phases[copy]) = (0, Phase::Running);
         }
     }

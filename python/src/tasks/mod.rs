@@ -6,6 +6,7 @@ mod builtin;
 mod description;
 mod group;
 mod picture;
+mod start;
 mod state;
 mod threads;
 

@@ -35,6 +35,11 @@ pub enum Drive {
         /// Whether the direction turns with the body.
         is_local: bool,
     },
+    /// A torque (N m, counter-clockwise) on the body with this index.
+    BodyTorque {
+        /// Index of the body.
+        body: usize,
+    },
     /// A motor that drives a joint's coordinate or velocity to gear × control.
     Servo(Servo),
 }

@@ -1,8 +1,8 @@
 //! The order of the columns that formulas read.
 
 /// Number of columns of each kind in the table that formulas read. The columns are in this order:
-/// constants of the run, sensors, observations, actions, formula forces, sensors before the step, observations before the
-/// step.
+/// constants of the run, numbers of the episode, sensors, observations, actions, formula forces, sensors before the step,
+/// observations before the step.
 ///
 /// The order matters. A formula may read only what is computed before it:
 /// [`ValueTable::split_at`](crate::expression::ValueTable::split_at) gives it only the columns
@@ -12,6 +12,8 @@
 pub struct ColumnLayout {
     /// Number of constants of the run.
     pub run_constant_count: usize,
+    /// Number of numbers that are drawn at the start of each episode.
+    pub episode_number_count: usize,
     /// Number of sensors.
     pub sensor_count: usize,
     /// Number of observations.
@@ -23,10 +25,16 @@ pub struct ColumnLayout {
 }
 
 impl ColumnLayout {
+    /// Column of the first number of the episode.
+    #[must_use]
+    pub fn first_episode_number(&self) -> usize {
+        self.run_constant_count
+    }
+
     /// Column of the first sensor.
     #[must_use]
     pub fn first_sensor(&self) -> usize {
-        self.run_constant_count
+        self.first_episode_number() + self.episode_number_count
     }
 
     /// Column of the first observation.

@@ -30,6 +30,12 @@ pub enum Measurement {
     BodyAngularVelocity(usize),
     /// 1 if the colliders with these indices touch, 0 if not.
     Contact(usize, usize),
+    /// Normal force between the colliders with these indices, N.
+    ContactForce(usize, usize),
+    /// Position of the center of mass of some bodies along one of the world's axes, m.
+    SubtreePosition(Subtree),
+    /// Velocity of the center of mass of some bodies along one of the world's axes, m/s.
+    SubtreeVelocity(Subtree),
     /// Distance to the first surface of another body or of the world, m.
     Ray(Ray),
     /// A formula over the sensors before this one.
@@ -43,6 +49,15 @@ pub struct BodyPoint {
     pub body: usize,
     /// The point in the body's frame, m.
     pub at: [f64; 2],
+    /// The axis: 0 for x, 1 for y.
+    pub axis: usize,
+}
+
+/// A body with all bodies that hang on it, and one of the world's axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Subtree {
+    /// Indices of the bodies.
+    pub bodies: Vec<usize>,
     /// The axis: 0 for x, 1 for y.
     pub axis: usize,
 }

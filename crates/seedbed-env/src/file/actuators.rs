@@ -13,7 +13,7 @@ use crate::input::{Located, ValidationError};
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ActuatorKind {
-    /// A force (N) or torque (N m) along a joint's coordinate.
+    /// A force (N) or torque (N m) along a coordinate of a joint or of a free body.
     JointForce(Located<String>),
     /// A motor with the force kv (gear × control − q̇).
     VelocityServo {
@@ -84,7 +84,7 @@ impl Resolver<'_> {
 
     fn drive(&self, kind: &ActuatorKind) -> Result<Drive, ValidationError> {
         Ok(match kind {
-            ActuatorKind::JointForce(joint) => Drive::JointForce(self.find_moving_joint(joint)?),
+            ActuatorKind::JointForce(coordinate) => self.coordinate_force(coordinate)?,
             ActuatorKind::VelocityServo {
                 joint,
                 kv,

@@ -27,6 +27,18 @@ impl Joint {
         }
     }
 
+    /// How soft the ends of the joint's range are.
+    pub(super) fn checked_range_softness(
+        &self,
+    ) -> Result<Option<description::Softness>, ValidationError> {
+        match (&self.range_softness, &self.range) {
+            (Some(softness), None) => {
+                Err(softness.error("`range_softness` needs a range: add a `range`"))
+            }
+            (softness, _) => Ok(softness.as_ref().map(|softness| softness.resolve())),
+        }
+    }
+
     /// What resists motion along the joint.
     pub(super) fn passive_forces(&self) -> Result<PassiveForces, ValidationError> {
         let given = [
@@ -102,6 +114,30 @@ impl Resolver<'_> {
     pub(super) fn find_joint(&self, name: &Located<String>) -> Result<usize, ValidationError> {
         let joints = self.file.joints.iter();
         find_index(name, "joint", joints.map(|joint| &joint.name))
+    }
+
+    /// A force along the coordinate with this name. That of a coordinate of a free body acts at the
+    /// origin of the body's frame.
+    pub(super) fn coordinate_force(
+        &self,
+        name: &Located<String>,
+    ) -> Result<Drive, ValidationError> {
+        let coordinate = self.find_coordinate(name)?;
+        let Some(free_coordinate) = coordinate.checked_sub(self.file.joints.len()) else {
+            return Ok(Drive::JointForce(coordinate));
+        };
+        let body = self.free_bodies()[free_coordinate / 3];
+        let force_along = |direction| Drive::BodyForce {
+            body,
+            at: Some([0.0, 0.0]),
+            direction,
+            is_local: false,
+        };
+        Ok(match free_coordinate % 3 {
+            0 => force_along([1.0, 0.0]),
+            1 => force_along([0.0, 1.0]),
+            _ => Drive::BodyTorque { body },
+        })
     }
 
     /// Index of the joint with this name, which must have a coordinate.

@@ -6,7 +6,8 @@ use std::collections::HashSet;
 use super::actuators::action;
 use super::surfaces::{self, shape};
 use super::{
-    AnalyticModel, Body, Joint, JointKind, Name, Observation, RotationDirection, TaskFile,
+    AnalyticModel, Body, DrawnNumber, Fluid, Joint, JointKind, Name, Observation,
+    RotationDirection, Softness, TaskFile,
 };
 use crate::analytic;
 use crate::description::{self, BodyTask, ColumnLayout, Formulas, Inertial};
@@ -16,7 +17,7 @@ use crate::input::{Located, ValidationError};
 use crate::{Quantity, Scene, SceneBody, Shape, TaskSpec, physics};
 
 /// The name of the body that does not move, to which joints without a parent body are attached.
-const WORLD: &str = "world";
+pub(super) const WORLD: &str = "world";
 
 /// Resolves the names of a task file. Methods for actuators, joints, sensors and surfaces are in
 /// the files of this folder.
@@ -36,6 +37,7 @@ impl<'a> Resolver<'a> {
         let forces_on_bodies: usize = file.bodies.iter().map(|body| 2 * body.forces.len()).sum();
         let columns = ColumnLayout {
             run_constant_count: file.drawn_per_run.len(),
+            episode_number_count: file.drawn_per_episode.len(),
             sensor_count: file.sensors.len(),
             observation_count: file.observations.len(),
             action_count: file.actuators.len(),
@@ -48,6 +50,7 @@ impl<'a> Resolver<'a> {
     pub(super) fn task(&self, name: &str, origin: &str) -> Result<BodyTask, ValidationError> {
         let file = self.file;
         self.check_names()?;
+        self.check_fluid_boxes()?;
         let colliders = surfaces::colliders(file)?;
         let bodies = file
             .bodies
@@ -69,11 +72,16 @@ impl<'a> Resolver<'a> {
             joints,
             free_bodies: self.free_bodies(),
             colliders,
+            contact_softness: file.contact_softness.map(Softness::resolve),
+            ropes: self.ropes()?,
+            fluid: file.fluid.map(Fluid::resolve),
             actuators: self.actuators()?,
             run_constants: self.run_constants(),
+            episode_numbers: self.episode_numbers(),
             sensors: self.sensors()?,
             formula_forces: self.formula_forces()?,
             display_offsets: self.display_offsets()?,
+            markers: self.markers()?,
             formulas: self.formulas()?,
             reset: self.start_coordinates()?,
             analytic_model: self.analytic_model()?,
@@ -109,9 +117,13 @@ impl<'a> Resolver<'a> {
         )?;
         check_unique("joint", file.joints.iter().map(|joint| &joint.name))?;
         check_unique(
-            "number that is drawn per run",
-            file.drawn_per_run.iter().map(|constant| &constant.name),
+            "drawn number",
+            self.drawn_numbers().map(|number| &number.name),
         )?;
+        check_unique("rope", file.ropes.iter().map(|rope| &rope.name))?;
+        let bodies = file.bodies.iter().map(|body| &body.name);
+        let markers = file.markers.iter().map(|marker| &marker.name);
+        check_unique("body or marker", bodies.chain(markers))?;
         check_unique("sensor", file.sensors.iter().map(|sensor| &sensor.name))?;
         check_unique(
             "observation",
@@ -133,24 +145,44 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// A sensor must not have the name of a number that is drawn per run.
-    fn check_sensor_names(&self) -> Result<(), ValidationError> {
-        for sensor in &self.file.sensors {
-            let name = &sensor.name;
-            let mut constants = self.file.drawn_per_run.iter();
-            if constants.any(|constant| constant.name == *name) {
-                return Err(name.error(format!(
-                    "`{}` already names a number in `drawn_per_run`: choose another name",
-                    name.as_ref()
-                )));
-            }
-        }
-        Ok(())
+    /// The numbers that are drawn per run, then those that are drawn per episode.
+    fn drawn_numbers(&self) -> impl Iterator<Item = &DrawnNumber> {
+        let per_run = self.file.drawn_per_run.iter();
+        per_run.chain(&self.file.drawn_per_episode)
     }
 
-    /// Formulas read numbers that are drawn per run, sensors, observations and actions, so that these
-    /// share one set of names. Only an observation may have the name of a sensor or of a number that
-    /// is drawn per run: it shows it.
+    /// The list in which a drawn number has this name.
+    fn list_of_drawn_number(&self, name: &str) -> Option<&'static str> {
+        let lists = [
+            ("drawn_per_run", &self.file.drawn_per_run),
+            ("drawn_per_episode", &self.file.drawn_per_episode),
+        ];
+        let has_name = |numbers: &[DrawnNumber]| {
+            let mut numbers = numbers.iter();
+            numbers.any(|number| number.name.as_ref() == name)
+        };
+        let list = lists.into_iter().find(|(_, numbers)| has_name(numbers));
+        list.map(|(list, _)| list)
+    }
+
+    /// Nothing else may have the name of a drawn number, but an observation that shows it.
+    fn check_is_not_drawn(&self, name: &Located<Name>) -> Result<(), ValidationError> {
+        match self.list_of_drawn_number(name.as_ref()) {
+            Some(list) => Err(name.error(format!(
+                "`{}` already names a number in `{list}`: choose another name",
+                name.as_ref()
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    fn check_sensor_names(&self) -> Result<(), ValidationError> {
+        let mut sensors = self.file.sensors.iter();
+        sensors.try_for_each(|sensor| self.check_is_not_drawn(&sensor.name))
+    }
+
+    /// Formulas read drawn numbers, sensors, observations and actions, so that these share one set of
+    /// names. Only an observation may have the name of a sensor or of a drawn number: it shows it.
     fn check_actuator_names(&self) -> Result<(), ValidationError> {
         let file = self.file;
         for actuator in &file.actuators {
@@ -158,13 +190,7 @@ impl<'a> Resolver<'a> {
             let is_sensor = file.sensors.iter().any(|sensor| sensor.name == *name);
             let mut observations = file.observations.iter();
             let is_observation = observations.any(|observation| observation.name == *name);
-            let mut constants = file.drawn_per_run.iter();
-            if constants.any(|constant| constant.name == *name) {
-                return Err(name.error(format!(
-                    "`{}` already names a number in `drawn_per_run`: choose another name",
-                    name.as_ref()
-                )));
-            }
+            self.check_is_not_drawn(name)?;
             if is_sensor || is_observation {
                 return Err(name.error(format!(
                     "`{}` already names a sensor or an observation: choose another name",
@@ -191,7 +217,8 @@ impl<'a> Resolver<'a> {
             .collect()
     }
 
-    /// The world first, if it has shapes to draw, then every body. `None` if nothing has a shape.
+    /// The world first, if it has shapes to draw, then every body, then every marker. `None` if
+    /// nothing has a shape.
     fn scene(
         &self,
         bodies: &[description::Body],
@@ -215,6 +242,12 @@ impl<'a> Resolver<'a> {
                 hinge: hinge_of(index, joints),
             });
         }
+        drawn.extend(self.file.markers.iter().map(|marker| SceneBody {
+            name: marker.name.value().as_ref().to_owned(),
+            is_fixed: false,
+            shapes: marker.geoms.iter().map(shape).collect(),
+            hinge: None,
+        }));
         let has_shapes = drawn.iter().any(|body| !body.shapes.is_empty());
         Ok(has_shapes.then_some(Scene {
             bodies: drawn,
@@ -239,16 +272,14 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// The joints, which must form trees rooted in the world or in free bodies: each body is the
-    /// child of at most one joint, and each parent is a root or the child of an earlier joint.
+    /// The joints, which must form trees rooted in the world or in free bodies: the joints of a body
+    /// have the same parent, and each parent is a root or the child of earlier joints only.
     fn joints(&self) -> Result<Vec<description::Joint>, ValidationError> {
-        // Per body: the joint that connects it to its parent.
-        let mut joint_to_parent: Vec<Option<&Joint>> = vec![None; self.file.bodies.len()];
         let mut joints = Vec::new();
-        for joint in &self.file.joints {
-            let parent = self.parent(joint, &joint_to_parent)?;
-            let child = self.child(joint, &joint_to_parent)?;
-            joint_to_parent[child] = Some(joint);
+        for (index, joint) in self.file.joints.iter().enumerate() {
+            let earlier = &self.file.joints[..index];
+            let (parent, child) = (self.parent(joint, earlier)?, self.find_body(&joint.child)?);
+            check_joint_of_same_child(joint, earlier)?;
             joints.push(description::Joint {
                 name: joint.name.value().as_ref().to_owned(),
                 parent,
@@ -256,17 +287,14 @@ impl<'a> Resolver<'a> {
                 anchor: joint.anchor.get(),
                 kind: joint_kind(*joint.kind),
                 range: joint.checked_range()?,
+                range_softness: joint.checked_range_softness()?,
                 passive_forces: joint.passive_forces()?,
             });
         }
         Ok(joints)
     }
 
-    fn parent(
-        &self,
-        joint: &Joint,
-        joint_to_parent: &[Option<&Joint>],
-    ) -> Result<Option<usize>, ValidationError> {
+    fn parent(&self, joint: &Joint, earlier: &[Joint]) -> Result<Option<usize>, ValidationError> {
         let name = &joint.parent;
         if name.as_str() == WORLD {
             return Ok(None);
@@ -279,7 +307,8 @@ impl<'a> Resolver<'a> {
             let names: Vec<_> = [WORLD].into_iter().chain(bodies()).collect();
             return Err(name.unknown_name("body", names));
         };
-        if joint_to_parent[parent].is_none() && !self.free_bodies().contains(&parent) {
+        let is_held = earlier.iter().any(|other| *other.child == **name);
+        if !is_held && !self.free_bodies().contains(&parent) {
             return Err(name.error(format!(
                 "the joint that holds body `{}` must come before this one: joints form a tree, \
                  parents before children",
@@ -287,22 +316,6 @@ impl<'a> Resolver<'a> {
             )));
         }
         Ok(Some(parent))
-    }
-
-    fn child(
-        &self,
-        joint: &Joint,
-        joint_to_parent: &[Option<&Joint>],
-    ) -> Result<usize, ValidationError> {
-        let child = self.find_body(&joint.child)?;
-        match joint_to_parent[child] {
-            Some(other) => Err(joint.child.error(format!(
-                "body `{}` is already the child of joint `{}`: a body has at most one parent",
-                joint.child.as_str(),
-                other.name.as_ref()
-            ))),
-            None => Ok(child),
-        }
     }
 
     fn formulas(&self) -> Result<Formulas, ValidationError> {
@@ -329,14 +342,24 @@ impl<'a> Resolver<'a> {
             .collect()
     }
 
-    /// The constants of the run. They have no values before the step.
-    fn run_constant_variables(&self) -> Vec<Variable> {
-        let constants = self.file.drawn_per_run.iter().enumerate();
-        constants
-            .map(|(column, constant)| Variable {
-                name: constant.name.value().as_ref().to_owned(),
+    /// The drawn numbers. They have no values before the step.
+    fn drawn_variables(&self) -> Vec<Variable> {
+        let numbers = self.drawn_numbers().enumerate();
+        numbers
+            .map(|(column, number)| Variable {
+                name: number.name.value().as_ref().to_owned(),
                 column,
                 previous: None,
+            })
+            .collect()
+    }
+
+    fn episode_numbers(&self) -> Vec<description::EpisodeNumber> {
+        let numbers = self.file.drawn_per_episode.iter();
+        numbers
+            .map(|number| description::EpisodeNumber {
+                name: number.name.value().as_ref().to_owned(),
+                distribution: number.value.resolve(),
             })
             .collect()
     }
@@ -352,10 +375,10 @@ impl<'a> Resolver<'a> {
             .collect()
     }
 
-    /// The constants of the run, and the sensors without their values before the step: observations
-    /// and forces depend only on the current state.
+    /// The drawn numbers, and the sensors without their values before the step: observations and
+    /// forces depend only on the current state.
     pub(super) fn state_variables(&self) -> Vec<Variable> {
-        let mut variables = self.run_constant_variables();
+        let mut variables = self.drawn_variables();
         variables.extend(self.sensor_variables());
         for variable in &mut variables {
             variable.previous = None;
@@ -375,8 +398,8 @@ impl<'a> Resolver<'a> {
             .collect()
     }
 
-    /// Observations, then the sensors and constants of the run that are not observed under their own
-    /// name, then actions.
+    /// Observations, then the sensors and drawn numbers that are not observed under their own name,
+    /// then actions.
     fn all_variables(&self) -> Vec<Variable> {
         let observations = self.file.observations.iter().enumerate();
         let first_previous_observation =
@@ -388,8 +411,7 @@ impl<'a> Resolver<'a> {
                 previous: Some(first_previous_observation + index),
             })
             .collect();
-        let sensors_and_constants = self.sensor_variables();
-        for variable in [sensors_and_constants, self.run_constant_variables()].concat() {
+        for variable in [self.sensor_variables(), self.drawn_variables()].concat() {
             if variables.iter().all(|known| known.name != variable.name) {
                 variables.push(variable);
             }
@@ -398,8 +420,8 @@ impl<'a> Resolver<'a> {
         variables
     }
 
-    /// The formula of an observation: its `value`, or else the sensor or the constant of the run of
-    /// the same name.
+    /// The formula of an observation: its `value`, or else the sensor or the drawn number of the same
+    /// name.
     fn observation(&self, observation: &Observation) -> Result<Program, ValidationError> {
         let sensors = self.state_variables();
         let name = observation.name.value().as_ref();
@@ -422,12 +444,10 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    fn kind_of_state_variable(&self, name: &str) -> &'static str {
-        let mut constants = self.file.drawn_per_run.iter();
-        if constants.any(|constant| constant.name.as_ref() == name) {
-            "a number in `drawn_per_run`"
-        } else {
-            "a sensor"
+    fn kind_of_state_variable(&self, name: &str) -> String {
+        match self.list_of_drawn_number(name) {
+            Some(list) => format!("a number in `{list}`"),
+            None => "a sensor".to_owned(),
         }
     }
 
@@ -472,6 +492,59 @@ impl<'a> Resolver<'a> {
         | AnalyticModel::MountainCar { slider: first }) = model;
         analytic::check(task).map_err(|message| first.error(message))
     }
+}
+
+/// Checks a further joint of a body: it must have the same parent, its coordinate must add to those
+/// of the earlier joints, and nothing may hang on the body yet.
+fn check_joint_of_same_child(joint: &Joint, earlier: &[Joint]) -> Result<(), ValidationError> {
+    let same_child = earlier.iter().filter(|other| *other.child == *joint.child);
+    let same_child: Vec<_> = same_child.collect();
+    let Some(last) = same_child.last() else {
+        return Ok(());
+    };
+    let (child, other) = (joint.child.as_str(), last.name.as_ref());
+    if *joint.parent != *last.parent {
+        return Err(joint.parent.error(format!(
+            "body `{child}` is also the child of joint `{other}`, whose parent is `{}`: all joints \
+             of a body have the same parent",
+            last.parent.as_str()
+        )));
+    }
+    if earlier.iter().any(|other| *other.parent == *joint.child) {
+        return Err(joint.child.error(format!(
+            "all joints of body `{child}` must come before those of bodies that hang on it"
+        )));
+    }
+    check_kinds_of_same_child(joint, &same_child)
+}
+
+/// A body may have up to two slides with perpendicular axes, then a hinge.
+fn check_kinds_of_same_child(joint: &Joint, same_child: &[&Joint]) -> Result<(), ValidationError> {
+    let axis = |joint: &Joint| match *joint.kind {
+        JointKind::Slide { axis } => Some(axis.get()),
+        _ => None,
+    };
+    let axes: Option<Vec<_>> = same_child.iter().map(|joint| axis(joint)).collect();
+    let is_possible = match (axes.as_deref(), *joint.kind) {
+        (Some([_] | [_, _]), JointKind::Hinge { .. }) => true,
+        (Some([[x, y]]), JointKind::Slide { axis }) => {
+            let [other_x, other_y] = axis.get();
+            (x * other_x + y * other_y).abs() < 1e-9
+        }
+        _ => false,
+    };
+    if is_possible {
+        return Ok(());
+    }
+    let names = same_child
+        .iter()
+        .map(|joint| format!("`{}`", joint.name.as_ref()));
+    Err(joint.kind.error(format!(
+        "body `{}` is already the child of {}: a body may have up to two slides with perpendicular \
+         axes, then at most one hinge",
+        joint.child.as_str(),
+        names.collect::<Vec<_>>().join(" and ")
+    )))
 }
 
 /// Checks that all names of one kind differ; `what` is the kind in the error message.
@@ -527,6 +600,9 @@ fn body(body: &Body) -> Result<description::Body, ValidationError> {
         name: body.name.value().as_ref().to_owned(),
         position: body.position.get(),
         angle: body.angle.map_or(0.0, FiniteNumber::get),
+        fluid_box: body
+            .fluid_box
+            .map(|(x, y, depth)| [x.get(), y.get(), depth.get()]),
         inertial: inertial(body, &shapes)?,
         shapes,
     })
@@ -553,7 +629,8 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> 
     })
 }
 
-/// Position of the hinge about which a body turns, in the body's frame, m.
+/// Position of the hinge about which a body turns, in the body's frame, m. A body that also slides
+/// has none that stays where it is.
 fn hinge_of(body: usize, joints: &[description::Joint]) -> Option<[f32; 2]> {
     let joint = joints.iter().find(|joint| joint.child == body)?;
     matches!(joint.kind, description::JointKind::Hinge { .. })

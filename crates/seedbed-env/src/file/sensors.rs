@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use super::resolve::{Resolver, formula};
 use super::{Collider, Direction, Sensor, Vector};
-use crate::description::{self, BodyPoint, Measurement};
+use crate::description::{self, BodyPoint, Measurement, Subtree};
 use crate::expression::Type;
 use crate::input::numbers::Positive;
 use crate::input::{Located, ValidationError};
@@ -54,6 +54,22 @@ pub enum SensorKind {
     BodyAngularVelocity(Located<String>),
     /// `Contact(a, b)`: 1 if these two colliders touch, 0 if not.
     Contact(Located<String>, Located<String>),
+    /// `ContactForce(a, b)`: normal force between these two colliders, N.
+    ContactForce(Located<String>, Located<String>),
+    /// Position of the center of mass of a body and of all that hang on it by joints, m.
+    SubtreePosition {
+        /// Name of the body.
+        body: Located<String>,
+        /// Axis of the world along which the position is measured.
+        axis: Axis,
+    },
+    /// Velocity of the center of mass of a body and of all that hang on it by joints, m/s.
+    SubtreeVelocity {
+        /// Name of the body.
+        body: Located<String>,
+        /// Axis of the world along which the velocity is measured.
+        axis: Axis,
+    },
     /// Distance along a ray to the first collider of another body or of the world, m.
     Ray {
         /// Name of the body that the ray is fixed to.
@@ -114,7 +130,20 @@ impl Resolver<'_> {
             SensorKind::BodyAngularVelocity(body) => {
                 Measurement::BodyAngularVelocity(self.find_body(body)?)
             }
-            SensorKind::Contact(one, other) => self.contact(one, other)?,
+            SensorKind::Contact(one, other) => {
+                let [one, other] = self.two_colliders("Contact", one, other)?;
+                Measurement::Contact(one, other)
+            }
+            SensorKind::ContactForce(one, other) => {
+                let [one, other] = self.two_colliders("ContactForce", one, other)?;
+                Measurement::ContactForce(one, other)
+            }
+            SensorKind::SubtreePosition { body, axis } => {
+                Measurement::SubtreePosition(self.subtree(body, *axis)?)
+            }
+            SensorKind::SubtreeVelocity { body, axis } => {
+                Measurement::SubtreeVelocity(self.subtree(body, *axis)?)
+            }
             SensorKind::Ray {
                 body,
                 from,
@@ -142,19 +171,41 @@ impl Resolver<'_> {
         })
     }
 
-    fn contact(
+    /// The body and all that hang on it by joints.
+    fn subtree(&self, root: &Located<String>, axis: Axis) -> Result<Subtree, ValidationError> {
+        let mut bodies = vec![self.find_body(root)?];
+        for joint in &self.file.joints {
+            let index_of = |name: &Located<String>| {
+                let mut bodies = self.file.bodies.iter();
+                bodies.position(|body| body.name.as_ref() == name.as_str())
+            };
+            let (parent, child) = (index_of(&joint.parent), index_of(&joint.child));
+            let (Some(parent), Some(child)) = (parent, child) else {
+                continue;
+            };
+            if bodies.contains(&parent) && !bodies.contains(&child) {
+                bodies.push(child);
+            }
+        }
+        let axis = axis as usize;
+        Ok(Subtree { bodies, axis })
+    }
+
+    /// Indices of two different colliders, which the sensor `kind` takes.
+    fn two_colliders(
         &self,
+        kind: &str,
         one: &Located<String>,
         other: &Located<String>,
-    ) -> Result<Measurement, ValidationError> {
-        let (first, second) = (self.find_collider(one)?, self.find_collider(other)?);
-        if first == second {
+    ) -> Result<[usize; 2], ValidationError> {
+        let colliders = [self.find_collider(one)?, self.find_collider(other)?];
+        if colliders[0] == colliders[1] {
             return Err(other.error(format!(
-                "`Contact` takes two different colliders, but both are `{}`",
+                "`{kind}` takes two different colliders, but both are `{}`",
                 other.as_str()
             )));
         }
-        Ok(Measurement::Contact(first, second))
+        Ok(colliders)
     }
 
     /// All colliders in the order of their indices: the world's, then those of each body.

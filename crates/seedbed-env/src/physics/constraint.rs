@@ -134,10 +134,14 @@ const FORCE_BASED_MOTOR: JointMotor = JointMotor {
 /// The range of a joint that is not stopped directly at its walls.
 fn range(described: &Joint, joint: &RapierJoint, task: &BodyTask) -> Option<Effect> {
     let range = described.range.filter(|_| !joint.has_walls())?;
-    Some(Effect::Range(
-        range.map(|end| end as f32),
-        softness(task.solver, task.spec.control_step),
-    ))
+    let softness = match described.range_softness {
+        Some(given) => SpringCoefficients {
+            natural_frequency: given.natural_frequency as f32,
+            damping_ratio: given.damping_ratio as f32,
+        },
+        None => softness(task.solver, task.spec.control_step),
+    };
+    Some(Effect::Range(range.map(|end| end as f32), softness))
 }
 
 /// The softness of the ends of a range, such that a fifth of the overshoot is corrected in each

@@ -247,14 +247,16 @@ impl CopyTemplate {
 /// it.
 const MIN_JOINTS_FOR_SIMD: usize = 64;
 
-/// The range of a joint whose child is no joint's parent.
+/// The range, with hard ends, of a joint whose child is no joint's parent.
 fn leaf_range(task: &BodyTask, joint: usize) -> Option<[f64; 2]> {
     let described = &task.joints[joint];
     let is_parent = task
         .joints
         .iter()
         .any(|other| other.parent == Some(described.child));
-    described.range.filter(|_| !is_parent)
+    described
+        .range
+        .filter(|_| !is_parent && described.range_softness.is_none())
 }
 
 /// What actuators and formula forces act on, and the servos among them.
@@ -271,9 +273,9 @@ fn control_inputs(task: &BodyTask) -> (Vec<ControlInput>, Vec<Servo>) {
                     ControlEffect::Servo(servos.len() - 1, servo.target),
                 )
             }
-            description::Drive::Nothing | description::Drive::BodyForce { .. } => {
-                (0, ControlEffect::Nothing)
-            }
+            description::Drive::Nothing
+            | description::Drive::BodyForce { .. }
+            | description::Drive::BodyTorque { .. } => (0, ControlEffect::Nothing),
         };
         inputs.push(ControlInput {
             joint,

@@ -25,7 +25,8 @@ fn every_file_of_the_page_runs() {
             let mut environment = build(&task, physics, 1).unwrap();
             environment.reset(0, &mut stream(0, Purpose::Reset, 0, 0));
             let before = environment.observations().to_vec();
-            (0..5).for_each(|_| environment.step(&[1.0]));
+            let actions = vec![1.0; environment.spec().actions.len()];
+            (0..5).for_each(|_| environment.step(&actions));
             assert_ne!(
                 before,
                 environment.observations(),
@@ -52,6 +53,17 @@ const UNKNOWN_WORDS: &[(&str, &str)] = &[
     ("Ball(radius: 0.05)", "Capsule(zzz: 1)"),
     ("drawn: (", "colliders: [(zzz: 1)], drawn: ("),
     ("drawn: (", "forces: [(zzz: 1)], drawn: ("),
+    ("reward:", "ropes: [(zzz: 1)], reward:"),
+    ("reward:", "ropes: [(from: (zzz: 1))], reward:"),
+    ("reward:", "fluid: (zzz: 1), reward:"),
+    ("reward:", "contact_softness: (zzz: 1), reward:"),
+    ("reward:", "markers: [(zzz: 1)], reward:"),
+    ("reward:", "drawn_per_episode: [(zzz: 1)], reward:"),
+    (
+        "name: \"wire\",",
+        "name: \"wire\", range_softness: (zzz: 1),",
+    ),
+    ("JointPosition(\"wire\")", "SubtreeVelocity(zzz: 1)"),
     ("drawn: (", "forces: [(frame: Zzz)], drawn: ("),
     ("Ball(radius: 0.05)", "HalfSpace(zzz: 1)"),
     ("drawn: (", "drawn: (zzz: 1, "),

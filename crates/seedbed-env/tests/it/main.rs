@@ -7,9 +7,12 @@ mod broken_envs;
 mod contacts;
 mod contract;
 mod environments_page;
+mod episode_numbers;
 mod physics;
 mod run_constants;
+mod several_joints;
 mod smooth;
+mod surroundings;
 mod tabular;
 mod tasks;
 

@@ -2,16 +2,19 @@
 //! starts from a copy of them.
 
 use rapier2d::prelude::{
-    CoefficientCombineRule, Collider, ColliderBuilder, ColliderSet, Group, IntegrationParameters,
-    InteractionGroups, InteractionTestMode, MassProperties, MultibodyIndex, MultibodyJointSet,
-    Pose, RigidBody, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, Vector,
+    CoefficientCombineRule, Collider, ColliderBuilder, ColliderHandle, ColliderSet, Group,
+    ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode, MassProperties,
+    MultibodyIndex, MultibodyJointSet, Pose, RigidBody, RigidBodyBuilder, RigidBodyHandle,
+    RigidBodySet, RopeJointBuilder, Vector,
 };
 
 use super::super::geometry::{PlacedShape, TOLERANCE};
 use super::super::vector;
-use super::link::{ControlInput, Link, Root, rapier_joint};
-use crate::description::{self, Body, BodyTask, Drive};
-use crate::kinematics::{KinematicTree, Link as TreeLink};
+use super::fluid::FluidBody;
+use super::joint_group::{JointGroup, spring};
+use super::link::{ControlInput, Link, Root};
+use crate::description::{self, Body, BodyTask, Joint};
+use crate::kinematics::KinematicTree;
 
 /// A world before an episode.
 pub(super) struct WorldTemplate {
@@ -22,9 +25,12 @@ pub(super) struct WorldTemplate {
     pub(super) bodies: RigidBodySet,
     pub(super) colliders: ColliderSet,
     pub(super) multibody_joints: MultibodyJointSet,
+    pub(super) ropes: ImpulseJointSet,
     pub(super) multibodies: Vec<MultibodyIndex>,
     /// `[bodies]`
     pub(super) handles: Vec<RigidBodyHandle>,
+    /// `[colliders]`
+    pub(super) collider_handles: Vec<ColliderHandle>,
     /// Centers of mass in the bodies' frames: `[bodies]`
     pub(super) coms: Vec<[f64; 2]>,
     /// One per joint.
@@ -33,6 +39,7 @@ pub(super) struct WorldTemplate {
     pub(super) roots: Vec<Root>,
     /// One per control.
     pub(super) control_inputs: Vec<ControlInput>,
+    pub(super) fluid_bodies: Vec<FluidBody>,
 }
 
 impl WorldTemplate {
@@ -44,11 +51,10 @@ impl WorldTemplate {
             .map(|body| bodies.insert(rigid_body(body)))
             .collect();
         let coms: Vec<_> = task.bodies.iter().map(|body| body.inertial.com).collect();
-        let colliders = colliders(task, &handles, &mut bodies);
+        let (colliders, collider_handles) = colliders(task, &handles, &mut bodies);
         let mut joints = MultibodyJointSet::new();
-        let insert =
-            |(index, link)| insert_link(index, link, task, &handles, &mut bodies, &mut joints);
-        let links: Vec<_> = tree.links().iter().enumerate().map(insert).collect();
+        let links = insert_links(task, tree, &handles, &mut bodies, &mut joints);
+        let ropes = insert_ropes(task, &handles, &mut bodies);
         let multibodies = multibody_indices(&handles, &joints);
         remove_default_damping(&multibodies, &bodies, &mut joints);
         links
@@ -67,11 +73,14 @@ impl WorldTemplate {
                 .map(|&body| root(body, task))
                 .collect(),
             control_inputs: ControlInput::from_task(task),
+            fluid_bodies: FluidBody::all(task),
             multibodies,
             multibody_joints: joints,
+            ropes,
             bodies,
             colliders,
             handles,
+            collider_handles,
             coms,
             links,
         }
@@ -88,7 +97,11 @@ const MAX_PREDICTED_SPEED: f32 = 4.0;
 /// enough, to do without it.
 fn parameters(task: &BodyTask) -> IntegrationParameters {
     let dt = task.spec.control_step as f32 / task.solver.contact_updates as f32;
+    let softness = task.contact_softness.map(spring);
+    let defaults = IntegrationParameters::default();
     IntegrationParameters {
+        contact_softness: softness.unwrap_or(defaults.contact_softness),
+        static_contact_softness: softness.unwrap_or(defaults.static_contact_softness),
         dt,
         num_solver_iterations: task.solver.substeps as usize,
         num_internal_pgs_iterations: task.solver.solver_iterations as usize,
@@ -98,7 +111,7 @@ fn parameters(task: &BodyTask) -> IntegrationParameters {
         normalized_max_linear_velocity: f32::MAX,
         max_ccd_substeps: 0,
         contact_recycling: false,
-        ..IntegrationParameters::default()
+        ..defaults
     }
 }
 
@@ -120,19 +133,20 @@ fn colliders(
     task: &BodyTask,
     handles: &[RigidBodyHandle],
     bodies: &mut RigidBodySet,
-) -> ColliderSet {
+) -> (ColliderSet, Vec<ColliderHandle>) {
     let mut colliders = ColliderSet::new();
+    let mut inserted = Vec::new();
     for surface in &task.colliders {
         let com = surface
             .body
             .map_or(Vector::ZERO, |body| vector(task.bodies[body].inertial.com));
         let collider = collider(surface, com);
-        match surface.body {
+        inserted.push(match surface.body {
             None => colliders.insert(collider),
             Some(body) => colliders.insert_with_parent(collider, handles[body], bodies),
-        };
+        });
     }
-    colliders
+    (colliders, inserted)
 }
 
 fn collider(surface: &description::Collider, com: Vector) -> Collider {
@@ -153,32 +167,58 @@ fn collider(surface: &description::Collider, com: Vector) -> Collider {
         .build()
 }
 
-/// Inserts a joint. Each joint to the world gets its own fixed body, so that trees of bodies are
-/// independent.
-fn insert_link(
-    index: usize,
-    link: &TreeLink,
+/// Inserts all joints. Each body that hangs on the world gets a fixed body of its own, so that trees
+/// of bodies are independent.
+fn insert_links(
     task: &BodyTask,
+    tree: &KinematicTree,
     handles: &[RigidBodyHandle],
     bodies: &mut RigidBodySet,
     joints: &mut MultibodyJointSet,
-) -> Link {
-    let parent = link.parent.map_or_else(
-        || bodies.insert(RigidBodyBuilder::fixed()),
-        |parent| handles[parent],
-    );
-    let com = |body: usize| task.bodies[body].inertial.com;
-    let coms = [link.parent.map_or([0.0; 2], com), com(link.child)];
-    let servo = task
-        .actuators
-        .iter()
-        .find_map(|actuator| match &actuator.drive {
-            Drive::Servo(servo) if servo.joint == index => Some(servo),
-            _ => None,
+) -> Vec<Link> {
+    let mut links: Vec<(usize, Link)> = Vec::new();
+    let is_first = |&joint: &usize| task.first_joint_of_child(joint) == joint;
+    for first in (0..task.joints.len()).filter(is_first) {
+        let group = JointGroup::new(first, tree, task);
+        let Joint { parent, child, .. } = task.joints[first];
+        let parent_handle = match parent {
+            Some(parent) => handles[parent],
+            None => bodies.insert(RigidBodyBuilder::fixed()),
+        };
+        let com = |body: usize| task.bodies[body].inertial.com;
+        let joint = group.rapier_joint([parent.map_or([0.0; 2], com), com(child)]);
+        let handle = joints.insert(parent_handle, handles[child], joint, false);
+        let handle = handle.expect("joints form trees");
+        for (place, &index) in group.joints.iter().enumerate() {
+            links.push((index, Link::new(place, &group, handle, task, handles)));
+        }
+    }
+    links.sort_by_key(|(index, _)| *index);
+    links.into_iter().map(|(_, link)| link).collect()
+}
+
+/// Inserts the ropes.
+fn insert_ropes(
+    task: &BodyTask,
+    handles: &[RigidBodyHandle],
+    bodies: &mut RigidBodySet,
+) -> ImpulseJointSet {
+    let mut joints = ImpulseJointSet::new();
+    for rope in &task.ropes {
+        let ends = rope.ends.map(|end| match end.body {
+            Some(body) => {
+                let com = task.bodies[body].inertial.com;
+                (handles[body], vector(end.at) - vector(com))
+            }
+            None => (bodies.insert(RigidBodyBuilder::fixed()), vector(end.at)),
         });
-    let joint = rapier_joint(link, &task.joints[index], servo, coms);
-    let handle = joints.insert(parent, handles[link.child], joint, false);
-    Link::new(link, handle.expect("joints form trees"), handles, coms[1])
+        let joint = RopeJointBuilder::new(rope.length as f32)
+            .local_anchor1(ends[0].1)
+            .local_anchor2(ends[1].1)
+            .build();
+        joints.insert(ends[0].0, ends[1].0, joint, false);
+    }
+    joints
 }
 
 fn root(body: usize, task: &BodyTask) -> Root {

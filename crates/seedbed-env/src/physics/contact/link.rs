@@ -2,17 +2,17 @@
 //! act on both.
 
 use rapier2d::prelude::{
-    GenericJoint, GenericJointBuilder, JointAxesMask, JointAxis, MotorModel, MultibodyJoint,
-    MultibodyJointHandle, MultibodyJointSet, Pose, RigidBody, RigidBodyHandle, RigidBodySet,
-    Rotation, Vector,
+    MultibodyJoint, MultibodyJointHandle, MultibodyJointSet, RigidBody, RigidBodyHandle,
+    RigidBodySet, Vector,
 };
 
 use super::super::vector;
 use super::build::WorldTemplate;
-use crate::description::{BodyTask, Drive, Joint, PassiveForces, Servo, ServoTarget};
-use crate::kinematics::{Frame, Link as TreeLink, Motion};
+use super::joint_group::{JointGroup, RapierCoordinate};
+use crate::description::{BodyTask, Drive, PassiveForces, ServoTarget};
+use crate::kinematics::{Frame, Motion};
 
-/// A multibody joint.
+/// A joint of the task: a coordinate of a multibody joint.
 pub(super) struct Link {
     handle: MultibodyJointHandle,
     parent: Option<RigidBodyHandle>,
@@ -21,6 +21,8 @@ pub(super) struct Link {
     anchor_in_child: Vector,
     /// Unit vector in the parent's frame of a slide, or the sign of a hinge.
     motion: Motion,
+    /// The coordinate of Rapier's joint; a weld has none.
+    coordinate: Option<RapierCoordinate>,
 }
 
 /// A free body.
@@ -46,62 +48,24 @@ pub(super) struct ControlInput {
     gear: f32,
 }
 
-/// A joint as Rapier represents it; `coms` are the centers of mass of parent and child in their
-/// frames.
-pub(super) fn rapier_joint(
-    link: &TreeLink,
-    described: &Joint,
-    servo: Option<&Servo>,
-    coms: [[f64; 2]; 2],
-) -> GenericJoint {
-    let (locked, axis_rotation) = match link.motion {
-        Motion::Slide([x, y]) => (
-            JointAxesMask::LOCKED_PRISMATIC_AXES,
-            Rotation::from_cos_sin_unchecked(x as f32, y as f32),
-        ),
-        Motion::Hinge(_) => (JointAxesMask::LOCKED_REVOLUTE_AXES, Rotation::IDENTITY),
-        Motion::Weld => (JointAxesMask::LOCKED_FIXED_AXES, Rotation::IDENTITY),
-    };
-    let reference = Rotation::new(link.angle as f32);
-    let builder = GenericJointBuilder::new(locked)
-        .local_frame1(Pose::from_parts(
-            vector(link.anchor_in_parent) - vector(coms[0]),
-            axis_rotation,
-        ))
-        .local_frame2(Pose::from_parts(
-            vector(link.anchor_in_child) - vector(coms[1]),
-            reference.inverse() * axis_rotation,
-        ))
-        .contacts_enabled(false);
-    let mut joint = builder.build();
-    if let (Some((sign, axis)), Some([low, high])) = (axis(&link.motion), described.range) {
-        let ends = [sign * low as f32, sign * high as f32];
-        joint.set_limits(axis, [ends[0].min(ends[1]), ends[0].max(ends[1])]);
-    }
-    if let (Some((_, axis)), Some(servo)) = (axis(&link.motion), servo) {
-        joint.set_motor_model(axis, MotorModel::ForceBased);
-        joint.set_motor(axis, 0.0, 0.0, servo.kp as f32, servo.kv as f32);
-        joint.set_motor_max_force(
-            axis,
-            servo.force_limit.map_or(f32::MAX, |force| force as f32),
-        );
-    }
-    joint
-}
-
 impl Link {
+    /// The joint `group.joints[place]`, which is part of the joint of Rapier with this handle.
     pub(super) fn new(
-        link: &TreeLink,
+        place: usize,
+        group: &JointGroup<'_>,
         handle: MultibodyJointHandle,
+        task: &BodyTask,
         handles: &[RigidBodyHandle],
-        com: [f64; 2],
     ) -> Self {
+        let joint = &task.joints[group.joints[place]];
+        let com = task.bodies[joint.child].inertial.com;
         Self {
             handle,
-            parent: link.parent.map(|parent| handles[parent]),
-            child: handles[link.child],
-            anchor_in_child: vector(link.anchor_in_child) - vector(com),
-            motion: link.motion,
+            parent: joint.parent.map(|parent| handles[parent]),
+            child: handles[joint.child],
+            anchor_in_child: vector(group.anchor_in_child) - vector(com),
+            motion: group.motions[place],
+            coordinate: group.coordinates()[place],
         }
     }
 
@@ -111,7 +75,7 @@ impl Link {
         passive: &PassiveForces,
         joints: &mut MultibodyJointSet,
     ) {
-        let Some((sign, axis)) = axis(&self.motion) else {
+        let Some(RapierCoordinate { axis, sign, dof }) = self.coordinate else {
             return;
         };
         let Some((multibody, id)) = joints.get_mut(self.handle) else {
@@ -125,7 +89,7 @@ impl Link {
             passive.stiffness as f32,
             sign * passive.springref as f32,
         );
-        let dof = link.assembly_id();
+        let dof = link.assembly_id() + dof;
         multibody.damping_mut()[dof] = passive.damping as f32;
         multibody.armature_mut()[dof] = passive.armature as f32;
         multibody.frictions_mut()[dof] = passive.frictionloss as f32;
@@ -133,7 +97,7 @@ impl Link {
 
     /// Sets the target of the joint's servo.
     fn set_target(&self, target: ServoTarget, value: f32, joints: &mut MultibodyJointSet) {
-        let Some((sign, axis)) = axis(&self.motion) else {
+        let Some(RapierCoordinate { axis, sign, .. }) = self.coordinate else {
             return;
         };
         let link = joints
@@ -150,7 +114,7 @@ impl Link {
 
     /// Sets position and velocity of a joint whose position is 0.
     pub(super) fn place(&self, position: f32, velocity: f32, joints: &mut MultibodyJointSet) {
-        let Some((sign, _)) = axis(&self.motion) else {
+        let Some(RapierCoordinate { sign, dof, .. }) = self.coordinate else {
             return;
         };
         let Some((multibody, id)) = joints.get_mut(self.handle) else {
@@ -159,14 +123,16 @@ impl Link {
         let Some(link) = multibody.link_mut(id) else {
             return;
         };
-        link.joint.apply_displacement(&[sign * position]);
-        let dof = link.assembly_id();
+        let mut displacement = [0.0; 3];
+        displacement[dof] = sign * position;
+        link.joint.apply_displacement(&displacement);
+        let dof = link.assembly_id() + dof;
         multibody.generalized_velocity_mut()[dof] = sign * velocity;
     }
 
     /// Position and velocity of the joint's coordinate.
     pub(super) fn read(&self, joints: &MultibodyJointSet) -> (f32, f32) {
-        let Some((sign, axis)) = axis(&self.motion) else {
+        let Some(RapierCoordinate { axis, sign, dof }) = self.coordinate else {
             return (0.0, 0.0);
         };
         let link = joints
@@ -177,7 +143,7 @@ impl Link {
         };
         (
             sign * link.joint().coords()[axis as usize],
-            sign * multibody.generalized_velocity()[link.assembly_id()],
+            sign * multibody.generalized_velocity()[link.assembly_id() + dof],
         )
     }
 
@@ -203,15 +169,6 @@ impl Link {
                 }
             }
         }
-    }
-}
-
-/// The sign of Rapier's coordinate relative to the task's, and Rapier's axis. A weld has none.
-pub(super) fn axis(motion: &Motion) -> Option<(f32, JointAxis)> {
-    match motion {
-        Motion::Slide(_) => Some((1.0, JointAxis::LinX)),
-        Motion::Hinge(sign) => Some((*sign as f32, JointAxis::AngX)),
-        Motion::Weld => None,
     }
 }
 
@@ -311,6 +268,7 @@ impl ControlInput {
             Drive::Servo(servo) => {
                 template.links[servo.joint].set_target(servo.target, value, joints);
             }
+            Drive::BodyTorque { body } => bodies[template.handles[body]].add_torque(value, false),
             Drive::BodyForce {
                 body,
                 at,

@@ -6,6 +6,8 @@
 //! as floating multibodies need it: everything given in a body's own frame is shifted accordingly.
 
 mod build;
+mod fluid;
+mod joint_group;
 mod link;
 mod world;
 
@@ -85,6 +87,10 @@ impl Dynamics for ContactWorlds {
 
     fn contact_forces(&self, copy: usize, forces: &mut Vec<Force>) {
         self.worlds[copy].contact_forces(forces);
+    }
+
+    fn contact_force(&self, copy: usize, one: usize, other: usize) -> f32 {
+        self.worlds[copy].contact_force(&self.template, one, other)
     }
 
     fn save(&self, copy: usize) -> Vec<u8> {

@@ -33,6 +33,7 @@ impl World {
         world.bodies = template.bodies.clone();
         world.colliders = template.colliders.clone();
         world.multibody_joints = template.multibody_joints.clone();
+        world.impulse_joints = template.ropes.clone();
         Self { world, live: false }
     }
 
@@ -64,6 +65,7 @@ impl World {
         self.world
             .multibody_joints
             .clone_from(&template.multibody_joints);
+        self.world.impulse_joints.clone_from(&template.ropes);
         self.world.islands = IslandManager::new();
         self.world.broad_phase = BroadPhaseBvh::new();
         self.world.narrow_phase = NarrowPhase::new();
@@ -170,6 +172,9 @@ impl World {
                 &mut self.world.multibody_joints,
             );
         }
+        for fluid_body in &template.fluid_bodies {
+            fluid_body.resist(&mut self.world.bodies[template.handles[fluid_body.body]]);
+        }
     }
 
     /// Writes the coordinates into their columns. The angle of a free body counts the full turns
@@ -234,6 +239,18 @@ impl World {
                 }
             }
         }
+    }
+
+    /// The normal force between two colliders in the latest step, N.
+    pub(super) fn contact_force(&self, template: &WorldTemplate, one: usize, other: usize) -> f32 {
+        let [one, other] = [one, other].map(|index| template.collider_handles[index]);
+        let Some(pair) = self.world.narrow_phase.contact_pair(one, other) else {
+            return 0.0;
+        };
+        let manifolds = pair.solver_manifolds().iter();
+        let points = manifolds.flat_map(|manifold| &manifold.points);
+        let impulse: f32 = points.map(|point| point.data.impulse).sum();
+        impulse / self.world.integration_parameters.dt
     }
 
     /// Whether both have the same bodies and joints.

@@ -1,0 +1,121 @@
+//! Ropes, a fluid, and how soft contacts are: their schema, and what they mean.
+
+use serde::Deserialize;
+
+use super::resolve::{Resolver, WORLD};
+use super::{Body, Name, Vector};
+use crate::description;
+use crate::input::numbers::{NonNegative, Positive};
+use crate::input::{Located, ValidationError};
+
+/// A maximum distance between two points. It pulls when it is taut and never pushes.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rope {
+    /// Name, unique among ropes.
+    pub name: Located<Name>,
+    /// One end.
+    pub from: RopeEnd,
+    /// The other end.
+    pub to: RopeEnd,
+    /// Maximum distance of the ends, m.
+    pub length: Positive,
+}
+
+/// A point that a rope is tied to.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RopeEnd {
+    /// Name of the body, or `world`.
+    pub body: Located<String>,
+    /// The point in the body's frame; by default its origin.
+    #[serde(default)]
+    pub at: Vector,
+}
+
+/// A fluid at rest that fills the world.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fluid {
+    /// Density, kg/m³.
+    pub density: NonNegative,
+    /// Dynamic viscosity, Pa s; 0 by default.
+    #[serde(default)]
+    pub viscosity: Option<NonNegative>,
+}
+
+/// How strongly Rapier corrects an overlap or an overshoot. Lower frequencies give way more.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Softness {
+    /// Natural frequency of the spring, Hz.
+    pub natural_frequency: Positive,
+    /// Damping ratio: 1 is critical damping.
+    pub damping_ratio: Positive,
+}
+
+impl Softness {
+    pub(super) fn resolve(self) -> description::Softness {
+        description::Softness {
+            natural_frequency: self.natural_frequency.get(),
+            damping_ratio: self.damping_ratio.get(),
+        }
+    }
+}
+
+impl Fluid {
+    pub(super) fn resolve(self) -> description::Fluid {
+        description::Fluid {
+            density: self.density.get(),
+            viscosity: self.viscosity.map_or(0.0, NonNegative::get),
+        }
+    }
+}
+
+impl Resolver<'_> {
+    pub(super) fn ropes(&self) -> Result<Vec<description::Rope>, ValidationError> {
+        self.file.ropes.iter().map(|rope| self.rope(rope)).collect()
+    }
+
+    fn rope(&self, rope: &Rope) -> Result<description::Rope, ValidationError> {
+        let ends = [self.rope_end(&rope.from)?, self.rope_end(&rope.to)?];
+        if ends[0].body == ends[1].body {
+            return Err(rope.to.body.error(format!(
+                "both ends of rope `{}` are tied to `{}`: expected two different bodies",
+                rope.name.as_ref(),
+                rope.to.body.as_str()
+            )));
+        }
+        Ok(description::Rope {
+            name: rope.name.value().as_ref().to_owned(),
+            ends,
+            length: rope.length.get(),
+        })
+    }
+
+    fn rope_end(&self, end: &RopeEnd) -> Result<description::RopeEnd, ValidationError> {
+        let bodies = || {
+            let bodies = self.file.bodies.iter();
+            bodies.map(|body| body.name.value().as_ref())
+        };
+        let body = bodies().position(|body| body == end.body.as_str());
+        if body.is_none() && end.body.as_str() != WORLD {
+            let names: Vec<_> = [WORLD].into_iter().chain(bodies()).collect();
+            return Err(end.body.unknown_name("body", names));
+        }
+        let at = end.at.get();
+        Ok(description::RopeEnd { body, at })
+    }
+
+    /// Checks that only tasks with a fluid give the boxes as which bodies move through it.
+    pub(super) fn check_fluid_boxes(&self) -> Result<(), ValidationError> {
+        let mut bodies = self.file.bodies.iter();
+        match bodies.find(|body| body.fluid_box.is_some()) {
+            Some(Body { name, .. }) if self.file.fluid.is_none() => Err(name.error(format!(
+                "body `{}` has a `fluid_box`, but the task has no `fluid`: add one",
+                name.as_ref()
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
