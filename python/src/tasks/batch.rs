@@ -268,7 +268,7 @@ impl Batch {
         self.check_single()?;
         let group = &mut self.groups()[0];
         let names = group.environment.start_names();
-        let start = given_start(&names, &positions, &velocities, &numbers)?;
+        let start = given_start(&names, [positions, velocities, numbers])?;
         guarded(|| group.reset_at(0, &start))?;
         self.observe_one(py)
     }

@@ -9,15 +9,13 @@ use seedbed_env::{GivenStart, StartNames};
 /// Numbers by name.
 pub(super) type NamedNumbers = BTreeMap<String, f64>;
 
-/// The start state with these positions and velocities of coordinates and numbers of the episode.
+/// The start state with these positions and velocities of coordinates and these numbers of the episode.
 ///
 /// # Errors
 /// The task has no number of such a name, or a number is not finite.
 pub(super) fn given_start(
     names: &StartNames,
-    positions: &NamedNumbers,
-    velocities: &NamedNumbers,
-    numbers: &NamedNumbers,
+    [positions, velocities, numbers]: [NamedNumbers; 3],
 ) -> PyResult<GivenStart> {
     Ok(GivenStart {
         positions: indexed("positions", "coordinate", positions, &names.coordinates)?,
@@ -48,12 +46,12 @@ pub(super) fn named_start(names: &StartNames, start: &GivenStart) -> [NamedNumbe
 fn indexed(
     option: &str,
     kind: &str,
-    numbers: &NamedNumbers,
+    numbers: NamedNumbers,
     known: &[String],
 ) -> PyResult<Vec<(usize, f64)>> {
-    let index = |(name, &number): (&String, &f64)| {
-        let Some(index) = known.iter().position(|other| other == name) else {
-            return Err(unknown(option, kind, name, known));
+    let index = |(name, number): (String, f64)| {
+        let Some(index) = known.iter().position(|other| *other == name) else {
+            return Err(unknown(option, kind, &name, known));
         };
         if !number.is_finite() {
             return Err(PyValueError::new_err(format!(
@@ -62,7 +60,7 @@ fn indexed(
         }
         Ok((index, number))
     };
-    numbers.iter().map(index).collect()
+    numbers.into_iter().map(index).collect()
 }
 
 fn unknown(option: &str, kind: &str, name: &str, known: &[String]) -> PyErr {
