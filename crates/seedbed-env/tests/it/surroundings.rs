@@ -10,7 +10,7 @@ use crate::{build_bodies, parse_bodies};
 const CONTROL_STEP: f64 = 0.01;
 
 /// One copy of a task without actuators, at its start.
-fn started(fields: &str, start: GivenStart) -> Box<dyn Environment> {
+fn started(fields: &str, start: &GivenStart) -> Box<dyn Environment> {
     let text = format!(
         r#"Environment(
             description: "A test.", gravity: (0.0, -9.8), control_step: {CONTROL_STEP}, time_limit: 100000,
@@ -18,7 +18,7 @@ fn started(fields: &str, start: GivenStart) -> Box<dyn Environment> {
         )"#
     );
     let mut environment = build_bodies(&parse_bodies("test", text), Physics::Rapier, 1);
-    environment.reset_at(0, &mut stream(0, Purpose::Reset, 0, 0), &start);
+    environment.reset_at(0, &mut stream(0, Purpose::Reset, 0, 0), start);
     environment
 }
 
@@ -47,7 +47,7 @@ const BALL_ON_A_ROPE: &str = r#"
 /// While the rope is slack the ball falls freely: y = y₀ − ½ g t².
 #[test]
 fn a_slack_rope_does_nothing() {
-    let mut ball = started(BALL_ON_A_ROPE, at(&[0.0, 2.0]));
+    let mut ball = started(BALL_ON_A_ROPE, &at(&[0.0, 2.0]));
     run(&mut *ball, 0.4);
     let fallen = 2.0 - ball.observations()[1];
     assert!(
@@ -59,7 +59,7 @@ fn a_slack_rope_does_nothing() {
 /// A taut rope is a pendulum of its length, whose period is 2 π √(L / g) for small angles.
 #[test]
 fn a_taut_rope_is_a_pendulum() {
-    let mut ball = started(BALL_ON_A_ROPE, at(&[0.05, 1.0]));
+    let mut ball = started(BALL_ON_A_ROPE, &at(&[0.05, 1.0]));
     let period = TAU * (1.0 / 9.8_f64).sqrt();
     run(&mut *ball, 0.5 * period);
     let (x, y) = (ball.observations()[0], ball.observations()[1]);
@@ -70,7 +70,7 @@ fn a_taut_rope_is_a_pendulum() {
 /// A ball that is thrown against the end of its rope stays within its length.
 #[test]
 fn a_rope_holds_a_falling_ball() {
-    let mut ball = started(BALL_ON_A_ROPE, at(&[0.6, 2.0]));
+    let mut ball = started(BALL_ON_A_ROPE, &at(&[0.6, 2.0]));
     let mut longest = 0.0_f32;
     for _ in 0..300 {
         ball.step(&[]);
@@ -88,7 +88,7 @@ fn a_box_sinks_at_its_terminal_velocity() {
         r#"fluid: (density: 1000.0), solver: (searches: 4),
         bodies: [(name: "brick", mass: 50.0, inertia: 1.0, fluid_box: (0.5, 0.1, 0.2))],
         sensors: [(name: "v", type: JointVelocity("brick.y"))], observations: [(name: "v", range: (-9.0, 0.0))],"#,
-        GivenStart::default(),
+        &GivenStart::default(),
     );
     let terminal = (2.0 * 50.0 * 9.8 / (1000.0 * 0.1_f64)).sqrt();
     for _ in 0..5 {
@@ -119,7 +119,7 @@ fn a_viscous_fluid_slows_a_rotation_exponentially() {
         r#"fluid: (density: 0.0, viscosity: 2.0), solver: (searches: 4),
         bodies: [(name: "brick", mass: 1.0, inertia: 0.8, fluid_box: (0.5, 0.4, 0.3))],
         sensors: [(name: "spin", type: JointVelocity("brick.angle"))], observations: [(name: "spin", range: (-9.0, 9.0))],"#,
-        start,
+        &start,
     );
     run(&mut *spinning, 1.0);
     let expected = 3.0 * (-std::f64::consts::PI * 0.064 * 2.0 / 0.8_f64).exp();
@@ -148,7 +148,7 @@ fn contact_forces_at_rest_are_weights() {
         observations: [
             (name: "below", range: (0.0, 99.0)), (name: "between", range: (0.0, 99.0)), (name: "apart", range: (0.0, 99.0)),
         ],"#,
-        GivenStart::default(),
+        &GivenStart::default(),
     );
     assert_eq!(stack.observations(), [0.0; 3], "nothing has pressed yet");
     run(&mut *stack, 1.0);
@@ -193,7 +193,7 @@ fn a_subtree_is_a_body_and_what_hangs_on_it() {
             (name: "velocity", value: "v - (2 * arm_v + 0.5 * hand_v) / 2.5", range: (-1.0, 1.0)),
             (name: "x", range: (-1.0, 1.0)), (name: "v", range: (-1.0, 1.0)),
         ],"#,
-        start,
+        &start,
     );
     let [position, velocity, x, v] = chain.observations() else {
         panic!("four observations")
@@ -210,7 +210,7 @@ fn depth(softness: &str) -> f32 {
         bodies: [(name: "block", position: (0.0, 0.5), mass: 3.0, colliders: [(geom: Box(half_size: (0.5, 0.5)))])],
         sensors: [(name: "y", type: JointPosition("block.y"))], observations: [(name: "y", range: (0.0, 1.0))],"#
     );
-    let mut block = started(&fields, GivenStart::default());
+    let mut block = started(&fields, &GivenStart::default());
     run(&mut *block, 3.0);
     0.5 - block.observations()[0]
 }
@@ -234,7 +234,7 @@ fn overshoot(softness: &str, collider: &str) -> f32 {
         joints: [(name: "wire", parent: "world", child: "bead", type: Slide(axis: (0.0, 1.0)), range: (-1.0, 1.0), {softness})],
         sensors: [(name: "y", type: JointPosition("wire"))], observations: [(name: "y", range: (-1.0, 1.0))],"#
     );
-    let mut bead = started(&fields, at(&[-0.9]));
+    let mut bead = started(&fields, &at(&[-0.9]));
     run(&mut *bead, 3.0);
     -1.0 - bead.observations()[0]
 }
@@ -244,7 +244,7 @@ fn softer_ranges_give_way_more() {
     let soft = "range_softness: (natural_frequency: 3.0, damping_ratio: 1.0)";
     for collider in [
         "",
-        r#"colliders: [(geom: HalfSpace(point: (9.0, -9.0), normal: (0.0, 1.0)))],"#,
+        "colliders: [(geom: HalfSpace(point: (9.0, -9.0), normal: (0.0, 1.0)))],",
     ] {
         let (hard, soft) = (overshoot("", collider), overshoot(soft, collider));
         assert!((-1e-4..3e-3).contains(&hard), "{hard} m, {collider}");
