@@ -12,6 +12,7 @@ mod episode_numbers;
 mod run_constants;
 mod sensors;
 mod surroundings;
+mod terrain;
 
 pub use actuators::{Actuator, Drive, Servo, ServoTarget};
 pub use column_layout::ColumnLayout;
@@ -20,6 +21,7 @@ pub use episode_numbers::EpisodeNumber;
 pub use run_constants::RunConstant;
 pub use sensors::{BodyPoint, Measurement, Ray, Sensor, Subtree};
 pub use surroundings::{Fluid, Rope, RopeEnd, Softness};
+pub use terrain::{Terrain, TerrainValue};
 
 use std::borrow::Cow;
 
@@ -165,6 +167,8 @@ pub enum Surface {
         /// Unit vector to the outside.
         normal: [f32; 2],
     },
+    /// A line that is drawn at the start of each episode.
+    Terrain(Box<Terrain>),
 }
 
 /// A joint between two bodies, or between the world and a body. Its coordinate is 0 at the
@@ -416,7 +420,17 @@ impl BodyTask {
             observation_count: self.spec.observations.len(),
             action_count: self.actuators.len(),
             formula_force_count: self.formula_forces.len(),
+            terrain_point_count: self.terrains().map(|terrain| terrain.points).sum(),
         }
+    }
+
+    /// The terrains among the colliders.
+    pub fn terrains(&self) -> impl Iterator<Item = &Terrain> {
+        let colliders = self.colliders.iter();
+        colliders.filter_map(|collider| match &collider.surface {
+            Surface::Terrain(terrain) => Some(&**terrain),
+            _ => None,
+        })
     }
 
     /// Number of coordinates: one per joint, then x, y and angle of each free body.

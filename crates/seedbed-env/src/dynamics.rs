@@ -16,6 +16,10 @@ pub trait Dynamics: Send {
     /// `velocities`: `[coordinates]`.
     fn start(&mut self, copy: usize, positions: &[f64], velocities: &[f64]);
 
+    /// Sets the line of a collider of `copy` that is a terrain, before the copy is started. Without
+    /// colliders there is none.
+    fn set_terrain(&mut self, _copy: usize, _collider: usize, _line: &[[f32; 2]]) {}
+
     /// Freezes `copy` until it is started again.
     fn stop(&mut self, copy: usize);
 

@@ -14,6 +14,7 @@ use super::dynamics::{Dynamics, from_bytes, to_bytes};
 use super::expression::{Evaluator, Program, ValueTable, copy_values};
 use super::sensing::SensorReader;
 use super::tabular::TabularEnvironment;
+use super::terrain::TerrainGenerator;
 use super::{
     Choice, Environment, Force, GivenStart, Physics, Pose, Scene, StartNames, Status, TaskSpec,
     analytic, forces, physics,
@@ -78,6 +79,7 @@ struct BodyEnvironment {
     columns: ColumnLayout,
     dynamics: Box<dyn Dynamics>,
     sensors: SensorReader,
+    terrains: Vec<TerrainGenerator>,
     /// What the formulas read, in the order of [`ColumnLayout`].
     table: ValueTable,
     observation_formulas: Vec<Evaluator>,
@@ -147,6 +149,7 @@ impl BodyEnvironment {
                 || formulas.terminated.reads(&previous_columns),
             episodes: EpisodeStates::new(copies, columns.observation_count),
             sensors: SensorReader::new(task, copies),
+            terrains: TerrainGenerator::all(&task.colliders),
             start: [
                 task.reference_coordinates(),
                 vec![0.0; task.coordinate_count()],
@@ -171,8 +174,10 @@ impl Environment for BodyEnvironment {
             positions[start.coordinate] = start.position.draw(random);
             velocities[start.coordinate] = start.velocity.draw(random);
         }
-        self.dynamics.start(copy, positions, velocities);
         self.draw_episode_numbers(copy, random);
+        self.draw_terrains(copy, random);
+        let [positions, velocities] = &self.start;
+        self.dynamics.start(copy, positions, velocities);
         self.start_episode(copy);
     }
 
@@ -190,6 +195,7 @@ impl Environment for BodyEnvironment {
             let column = self.columns.first_episode_number() + index;
             self.table.column_mut(column)[copy] = number as f32;
         }
+        self.draw_terrains(copy, random);
         let mut positions = self.task.reference_coordinates();
         let mut velocities = vec![0.0; positions.len()];
         for &(coordinate, position) in &start.positions {
@@ -293,6 +299,7 @@ impl Environment for BodyEnvironment {
         self.check_run_constants(copy, &saved.values)?;
         self.dynamics.restore(copy, &saved.dynamics)?;
         self.table.set_row(copy, &saved.values);
+        self.place_terrains(copy);
         self.episodes.observations[copy * width..][..width].copy_from_slice(&saved.observation);
         self.episodes.rewards[copy] = saved.reward;
         self.episodes.statuses[copy] = saved.status;
@@ -310,6 +317,17 @@ impl Environment for BodyEnvironment {
         self.dynamics.poses(copy, &mut poses[bodies.clone()]);
         self.add_display_offsets(copy, &mut poses[bodies]);
         self.place_markers(copy, &mut poses[markers]);
+    }
+
+    fn terrain(&self, copy: usize) -> Vec<Vec<[f32; 2]>> {
+        let mut column = self.columns.first_terrain_height();
+        let line = |generator: &TerrainGenerator| {
+            let columns = column..column + generator.terrain.points;
+            column = columns.end;
+            let heights = columns.map(|column| self.table.column(column)[copy]);
+            generator.terrain.line(heights)
+        };
+        self.terrains.iter().map(line).collect()
     }
 
     fn forces(&self, copy: usize, poses: &[Pose], forces: &mut Vec<Force>) {
@@ -348,6 +366,33 @@ impl BodyEnvironment {
             let value = number.distribution.draw(random);
             self.table.column_mut(column)[copy] =
                 value.clamp(f32::MIN.into(), f32::MAX.into()) as f32;
+        }
+    }
+
+    /// Draws the ground of the episode that begins.
+    fn draw_terrains(&mut self, copy: usize, random: &mut Stream) {
+        if self.terrains.is_empty() {
+            return;
+        }
+        let numbers = 0..self.columns.first_sensor();
+        let numbers: Vec<_> = numbers
+            .map(|column| self.table.column(column)[copy])
+            .collect();
+        let mut column = self.columns.first_terrain_height();
+        for generator in &mut self.terrains {
+            for height in generator.draw(&numbers, random) {
+                self.table.column_mut(column)[copy] = height;
+                column += 1;
+            }
+        }
+        self.place_terrains(copy);
+    }
+
+    /// Puts the ground of an episode where bodies and sensors find it.
+    fn place_terrains(&mut self, copy: usize) {
+        for (generator, line) in self.terrains.iter().zip(self.terrain(copy)) {
+            self.dynamics.set_terrain(copy, generator.collider, &line);
+            self.sensors.set_terrain(copy, generator.collider, &line);
         }
     }
 

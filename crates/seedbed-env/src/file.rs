@@ -16,6 +16,7 @@ mod resolve;
 mod sensors;
 mod surfaces;
 mod surroundings;
+mod terrain;
 
 use std::path::Path;
 
@@ -27,6 +28,7 @@ pub use markers::Marker;
 pub use sensors::{Axis, SensorKind};
 pub use surfaces::{Collider, Geom, Points};
 pub use surroundings::{Fluid, Rope, RopeEnd, Softness};
+pub use terrain::{Terrain, TerrainValue};
 
 use super::description::{Integrator, TaskDescription};
 use super::tabular;

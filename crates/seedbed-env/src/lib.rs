@@ -52,6 +52,7 @@ pub mod physics;
 pub mod random;
 mod sensing;
 pub mod tabular;
+mod terrain;
 
 pub use caught_panic::caught_panic;
 pub use description::TaskDescription;
@@ -218,6 +219,12 @@ pub trait Environment: Send {
 
     /// Writes where the bodies of `copy` are now, in the order of the scene: `[bodies]`.
     fn poses(&self, _copy: usize, _poses: &mut [Pose]) {}
+
+    /// The ground of `copy` that is drawn anew in each episode, as lines of points in m. This is called
+    /// only to draw, so that it may allocate. The default has none.
+    fn terrain(&self, _copy: usize) -> Vec<Vec<[f32; 2]>> {
+        Vec::new()
+    }
 
     /// Appends the forces of the latest step of `copy`, as they act on bodies that are at `poses`:
     /// `[bodies]`, in the order of the scene. There are none directly after a reset. This is called

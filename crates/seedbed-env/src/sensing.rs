@@ -59,7 +59,7 @@ impl SensorReader {
             measurements,
             frames: tree.frame_buffer(),
             tree,
-            geometry: Geometry::new(task),
+            geometry: Geometry::new(task, copies),
             masses: task
                 .bodies
                 .iter()
@@ -68,6 +68,11 @@ impl SensorReader {
             positions: vec![0.0; task.coordinate_count()],
             velocities: vec![0.0; task.coordinate_count()],
         }
+    }
+
+    /// Sets the line of a collider of `copy` that is a terrain.
+    pub(super) fn set_terrain(&mut self, copy: usize, collider: usize, line: &[[f32; 2]]) {
+        self.geometry.set_terrain(copy, collider, line);
     }
 
     /// Writes the measurements of some copies into the columns of the sensors.
@@ -128,14 +133,14 @@ impl SensorReader {
         self.tree
             .compute_frames(&self.positions, &self.velocities, &mut self.frames);
         for (index, measurement) in self.measurements.iter().enumerate() {
-            if let Some(value) = self.measure(measurement) {
+            if let Some(value) = self.measure(copy, measurement) {
                 table.column_mut(self.first_column + index)[copy] = value;
             }
         }
     }
 
     /// The measured value; `None` if it does not depend on the frames of the bodies.
-    fn measure(&self, measurement: &Measurement) -> Option<f32> {
+    fn measure(&self, copy: usize, measurement: &Measurement) -> Option<f32> {
         Some(match measurement {
             Measurement::JointPosition(_)
             | Measurement::WrappedJointPosition(_)
@@ -151,13 +156,14 @@ impl SensorReader {
             Measurement::BodyAngle(body) => self.frames[*body].angle as f32,
             Measurement::BodyAngularVelocity(body) => self.frames[*body].angular_velocity as f32,
             Measurement::Contact(one, other) => {
-                f32::from(u8::from(self.geometry.touch(*one, *other, &self.frames)))
+                let touch = self.geometry.touch(copy, [*one, *other], &self.frames);
+                f32::from(u8::from(touch))
             }
             Measurement::SubtreePosition(subtree) => self.mean_over(subtree, Frame::point),
             Measurement::SubtreeVelocity(subtree) => {
                 self.mean_over(subtree, |frame, com| frame.velocity_at(frame.point(com)))
             }
-            Measurement::Ray(ray) => self.geometry.ray_distance(ray, &self.frames),
+            Measurement::Ray(ray) => self.geometry.ray_distance(copy, ray, &self.frames),
         })
     }
 

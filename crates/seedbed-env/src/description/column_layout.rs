@@ -2,7 +2,7 @@
 
 /// Number of columns of each kind in the table that formulas read. The columns are in this order:
 /// constants of the run, numbers of the episode, sensors, observations, actions, formula forces, sensors before the step,
-/// observations before the step.
+/// observations before the step, heights of terrains.
 ///
 /// The order matters. A formula may read only what is computed before it:
 /// [`ValueTable::split_at`](crate::expression::ValueTable::split_at) gives it only the columns
@@ -22,6 +22,8 @@ pub struct ColumnLayout {
     pub action_count: usize,
     /// Number of formula forces.
     pub formula_force_count: usize,
+    /// Number of points of all terrains.
+    pub terrain_point_count: usize,
 }
 
 impl ColumnLayout {
@@ -61,9 +63,15 @@ impl ColumnLayout {
         self.first_formula_force() + self.formula_force_count
     }
 
+    /// Column of the height of the first point of a terrain. No formula reads these.
+    #[must_use]
+    pub fn first_terrain_height(&self) -> usize {
+        self.first_previous_value() + self.sensor_count + self.observation_count
+    }
+
     /// Number of columns.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.first_previous_value() + self.sensor_count + self.observation_count
+        self.first_terrain_height() + self.terrain_point_count
     }
 }

@@ -62,15 +62,19 @@ pub struct Subtree {
     pub axis: usize,
 }
 
-/// A ray that is fixed to a body.
+/// A ray from a point of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Index of the body.
     pub body: usize,
     /// Where the ray starts, in the body's frame, m.
     pub from: [f64; 2],
-    /// Unit vector in the body's frame.
+    /// Unit vector.
     pub direction: [f64; 2],
+    /// Whether the direction is given in the body's frame, not in the world's.
+    pub is_local: bool,
+    /// Bits of the collision groups whose surfaces the ray meets.
+    pub conaffinity: u32,
     /// Length of the ray: what is measured if it meets nothing, m.
     pub length: f64,
 }

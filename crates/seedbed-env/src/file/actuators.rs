@@ -55,7 +55,7 @@ pub enum ActuatorKind {
     },
 }
 
-/// The frame in which the direction of a force is given.
+/// The frame in which the direction of a force or of a ray is given.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 pub enum ForceFrame {
     /// The world's frame.

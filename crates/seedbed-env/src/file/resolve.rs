@@ -4,9 +4,9 @@
 use std::collections::HashSet;
 
 use super::actuators::action;
-use super::surfaces::{self, shape};
+use super::surfaces::shape;
 use super::{
-    AnalyticModel, Body, DrawnNumber, Fluid, Joint, JointKind, Name, Observation,
+    AnalyticModel, Body, DrawnNumber, Fluid, Geom, Joint, JointKind, Name, Observation,
     RotationDirection, Softness, TaskFile,
 };
 use crate::analytic;
@@ -42,6 +42,7 @@ impl<'a> Resolver<'a> {
             observation_count: file.observations.len(),
             action_count: file.actuators.len(),
             formula_force_count: forces_on_joints + forces_on_bodies,
+            terrain_point_count: 0, // no formula reads them
         };
         Self { file, columns }
     }
@@ -51,7 +52,8 @@ impl<'a> Resolver<'a> {
         let file = self.file;
         self.check_names()?;
         self.check_fluid_boxes()?;
-        let colliders = surfaces::colliders(file)?;
+        self.check_terrains()?;
+        let colliders = self.colliders()?;
         let bodies = file
             .bodies
             .iter()
@@ -258,6 +260,7 @@ impl<'a> Resolver<'a> {
     /// The drawable shapes of the world.
     fn world_body(&self) -> SceneBody {
         let colliders = self.file.colliders.iter().map(|collider| &*collider.geom);
+        let is_same_in_all_episodes = |geom: &&Geom| !matches!(geom, Geom::Terrain(_));
         SceneBody {
             name: WORLD.to_owned(),
             is_fixed: true,
@@ -266,6 +269,7 @@ impl<'a> Resolver<'a> {
                 .scenery
                 .iter()
                 .chain(colliders)
+                .filter(is_same_in_all_episodes)
                 .map(shape)
                 .collect(),
             hinge: None,
@@ -343,7 +347,7 @@ impl<'a> Resolver<'a> {
     }
 
     /// The drawn numbers. They have no values before the step.
-    fn drawn_variables(&self) -> Vec<Variable> {
+    pub(super) fn drawn_variables(&self) -> Vec<Variable> {
         let numbers = self.drawn_numbers().enumerate();
         numbers
             .map(|(column, number)| Variable {
@@ -356,12 +360,7 @@ impl<'a> Resolver<'a> {
 
     fn episode_numbers(&self) -> Vec<description::EpisodeNumber> {
         let numbers = self.file.drawn_per_episode.iter();
-        numbers
-            .map(|number| description::EpisodeNumber {
-                name: number.name.value().as_ref().to_owned(),
-                distribution: number.value.resolve(),
-            })
-            .collect()
+        numbers.map(DrawnNumber::per_episode).collect()
     }
 
     fn run_constants(&self) -> Vec<description::RunConstant> {
@@ -494,6 +493,15 @@ impl<'a> Resolver<'a> {
     }
 }
 
+impl DrawnNumber {
+    pub(super) fn per_episode(&self) -> description::EpisodeNumber {
+        description::EpisodeNumber {
+            name: self.name.value().as_ref().to_owned(),
+            distribution: self.value.resolve(),
+        }
+    }
+}
+
 /// Checks a further joint of a body: it must have the same parent, its coordinate must add to those
 /// of the earlier joints, and nothing may hang on the body yet.
 fn check_joint_of_same_child(joint: &Joint, earlier: &[Joint]) -> Result<(), ValidationError> {
@@ -548,7 +556,7 @@ fn check_kinds_of_same_child(joint: &Joint, same_child: &[&Joint]) -> Result<(),
 }
 
 /// Checks that all names of one kind differ; `what` is the kind in the error message.
-fn check_unique<'a>(
+pub(super) fn check_unique<'a>(
     what: &str,
     names: impl Iterator<Item = &'a Located<Name>>,
 ) -> Result<(), ValidationError> {

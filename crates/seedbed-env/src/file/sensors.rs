@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::resolve::{Resolver, formula};
-use super::{Collider, Direction, Sensor, Vector};
+use super::{Collider, Direction, ForceFrame, Sensor, Vector};
 use crate::description::{self, BodyPoint, Measurement, Subtree};
 use crate::expression::Type;
 use crate::input::numbers::Positive;
@@ -72,13 +72,19 @@ pub enum SensorKind {
     },
     /// Distance along a ray to the first collider of another body or of the world, m.
     Ray {
-        /// Name of the body that the ray is fixed to.
+        /// Name of the body from which the ray starts.
         body: Located<String>,
         /// Where the ray starts, in the body's frame; by default its origin.
         #[serde(default)]
         from: Vector,
-        /// Direction of the ray in the body's frame.
+        /// Direction of the ray.
         direction: Direction,
+        /// Frame in which the direction is given; by default the body's.
+        #[serde(default = "local")]
+        frame: ForceFrame,
+        /// Bits of the collision groups whose surfaces the ray meets; by default all.
+        #[serde(default = "all_groups")]
+        conaffinity: u32,
         /// Length of the ray: what is measured if it meets nothing, m.
         length: Positive,
     },
@@ -148,11 +154,15 @@ impl Resolver<'_> {
                 body,
                 from,
                 direction,
+                frame,
+                conaffinity,
                 length,
             } => Measurement::Ray(description::Ray {
                 body: self.find_body(body)?,
                 from: from.get(),
                 direction: direction.get(),
+                is_local: *frame == ForceFrame::Local,
+                conaffinity: *conaffinity,
                 length: length.get(),
             }),
         })
@@ -227,4 +237,12 @@ impl Resolver<'_> {
             name.unknown_name("collider", names.iter().map(String::as_str))
         })
     }
+}
+
+fn local() -> ForceFrame {
+    ForceFrame::Local
+}
+
+fn all_groups() -> u32 {
+    u32::MAX
 }

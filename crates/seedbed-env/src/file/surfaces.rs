@@ -2,7 +2,8 @@
 
 use serde::Deserialize;
 
-use super::{Direction, Name, Vector};
+use super::resolve::Resolver;
+use super::{Direction, Name, Terrain, Vector};
 use crate::description::{self, Surface};
 use crate::input::limits::MAX_POINTS;
 use crate::input::numbers::{FiniteNumber, Fraction, NonNegative, Positive};
@@ -16,7 +17,7 @@ pub struct Collider {
     /// Name by which sensors refer to it, unique among colliders.
     #[serde(default)]
     pub name: Option<Located<Name>>,
-    /// Shape of the surface. Half-spaces and polylines are allowed for the world only.
+    /// Shape of the surface. Half-spaces, polylines and terrains are allowed for the world only.
     pub geom: Located<Geom>,
     /// Coefficient μ of dry friction, 1 by default. The larger one of two surfaces is used.
     #[serde(default)]
@@ -79,6 +80,18 @@ pub enum Geom {
         /// Direction to the outside.
         normal: Direction,
     },
+    /// A line that is drawn at the start of each episode, for colliders of the task only. It can be
+    /// touched from above.
+    Terrain(Terrain),
+}
+
+impl Geom {
+    fn terrain(&self) -> Option<&Terrain> {
+        match self {
+            Self::Terrain(terrain) => Some(terrain),
+            _ => None,
+        }
+    }
 }
 
 /// At least `MIN` points.
@@ -116,48 +129,74 @@ impl<const MIN: usize> TryFrom<Vec<Vector>> for Points<MIN> {
     }
 }
 
-/// All colliders: the world's, then those of each body.
-pub(super) fn colliders(
-    file: &super::TaskFile,
-) -> Result<Vec<description::Collider>, ValidationError> {
-    let world_colliders = file.colliders.iter().map(|collider| (None, collider));
-    let bodies = file.bodies.iter().enumerate();
-    let body_colliders = bodies.flat_map(|(index, body)| {
-        body.colliders
-            .iter()
-            .map(move |collider| (Some(index), collider))
-    });
-    world_colliders
-        .chain(body_colliders)
-        .map(|(body, collider)| resolve_collider(body, collider))
-        .collect()
+impl Resolver<'_> {
+    /// All colliders: the world's, then those of each body.
+    pub(super) fn colliders(&self) -> Result<Vec<description::Collider>, ValidationError> {
+        let of_world = self.file.colliders.iter().map(|collider| (None, collider));
+        let bodies = self.file.bodies.iter().enumerate();
+        let of_bodies = bodies.flat_map(|(index, body)| {
+            let colliders = body.colliders.iter();
+            colliders.map(move |collider| (Some(index), collider))
+        });
+        let all = of_world.chain(of_bodies);
+        all.map(|(body, collider)| self.collider(body, collider))
+            .collect()
+    }
+
+    fn collider(
+        &self,
+        body: Option<usize>,
+        collider: &Collider,
+    ) -> Result<description::Collider, ValidationError> {
+        check_geom(body, collider)?;
+        Ok(description::Collider {
+            name: collider.name.as_ref().map(|name| name.as_ref().to_owned()),
+            body,
+            surface: match &*collider.geom {
+                Geom::Terrain(terrain) => Surface::Terrain(Box::new(self.terrain(terrain)?)),
+                geom => surface(geom),
+            },
+            friction: collider.friction.map_or(1.0, NonNegative::get),
+            restitution: collider.restitution.map_or(0.0, Fraction::get),
+            contype: collider.contype,
+            conaffinity: collider.conaffinity,
+        })
+    }
+
+    /// Checks that terrains are colliders of the task, and not shapes that are only drawn.
+    pub(super) fn check_terrains(&self) -> Result<(), ValidationError> {
+        let of_bodies = self.file.bodies.iter().flat_map(|body| &body.geoms);
+        let of_markers = self.file.markers.iter().flat_map(|marker| &marker.geoms);
+        let mut drawn = self.file.scenery.iter().chain(of_bodies).chain(of_markers);
+        match drawn.find_map(Geom::terrain) {
+            Some(terrain) => Err(terrain.height.error(
+                "a terrain must be one of the `colliders` of the task: it cannot only be drawn",
+            )),
+            None => Ok(()),
+        }
+    }
 }
 
-fn resolve_collider(
-    body: Option<usize>,
-    collider: &Collider,
-) -> Result<description::Collider, ValidationError> {
-    if body.is_some() && matches!(*collider.geom, Geom::HalfSpace { .. } | Geom::Polyline(_)) {
-        return Err(collider
-            .geom
-            .error("half-spaces and polylines cannot move: put them into the `colliders` of the task, not of a body"));
+/// Checks that a collider has a shape that its body can have.
+fn check_geom(body: Option<usize>, collider: &Collider) -> Result<(), ValidationError> {
+    let is_fixed = matches!(
+        *collider.geom,
+        Geom::HalfSpace { .. } | Geom::Polyline(_) | Geom::Terrain(_)
+    );
+    if body.is_some() && is_fixed {
+        return Err(collider.geom.error(
+            "half-spaces, polylines and terrains cannot move: put them into the `colliders` of the \
+             task, not of a body",
+        ));
     }
-    if physics::inertial(1.0, &[shape(&collider.geom)]).is_none()
-        && matches!(*collider.geom, Geom::Convex(_))
+    if matches!(*collider.geom, Geom::Convex(_))
+        && physics::inertial(1.0, &[shape(&collider.geom)]).is_none()
     {
         return Err(collider
             .geom
             .error("the points of a convex collider must not all lie on one line"));
     }
-    Ok(description::Collider {
-        name: collider.name.as_ref().map(|name| name.as_ref().to_owned()),
-        body,
-        surface: surface(&collider.geom),
-        friction: collider.friction.map_or(1.0, NonNegative::get),
-        restitution: collider.restitution.map_or(0.0, Fraction::get),
-        contype: collider.contype,
-        conaffinity: collider.conaffinity,
-    })
+    Ok(())
 }
 
 fn surface(geom: &Geom) -> Surface {
@@ -196,6 +235,8 @@ pub(super) fn shape(geom: &Geom) -> Shape {
         },
         Geom::Convex(points) => Shape::Polygon(points.get()),
         Geom::Polyline(points) => Shape::Polyline(points.get()),
+        // The line of an episode is drawn instead.
+        Geom::Terrain(_) => Shape::Polyline(Vec::new()),
         Geom::HalfSpace { point, normal } => {
             let ([x, y], [right, up]) = (to_f32(point.get()), to_f32(normal.get()));
             let point_at = |[along, depth]: [f32; 2]| {

@@ -17,55 +17,76 @@ pub(super) const TOLERANCE: f32 = 1e-3;
 /// The surfaces of a task.
 pub struct Geometry {
     surfaces: Vec<PlacedShape>,
+    /// Lines of the terrains of each copy: `[copies]`, pairs of a collider and its shape.
+    terrains: Vec<Vec<(usize, SharedShape)>>,
 }
 
 /// A shape of Parry in its body's frame.
 pub(super) struct PlacedShape {
     pub(super) body: Option<usize>,
+    /// Bits of the collision groups that the surface belongs to.
+    contype: u32,
     pub(super) shape: SharedShape,
     pub(super) pose: Pose,
 }
 
 impl Geometry {
-    /// The surfaces of all colliders.
+    /// The surfaces of all colliders, for `copies` copies of the task.
     #[must_use]
-    pub fn new(task: &BodyTask) -> Self {
+    pub fn new(task: &BodyTask, copies: usize) -> Self {
         Self {
             surfaces: task.colliders.iter().map(PlacedShape::new).collect(),
+            terrains: vec![Vec::new(); copies],
         }
     }
 
-    /// Whether two colliders touch, given where the bodies are. `frames`: `[bodies]`
+    /// Sets the line of a collider of `copy` that is a terrain.
+    pub fn set_terrain(&mut self, copy: usize, collider: usize, line: &[[f32; 2]]) {
+        let terrains = &mut self.terrains[copy];
+        terrains.retain(|(other, _)| *other != collider);
+        terrains.push((collider, oriented_line(line)));
+    }
+
+    /// The shape of a collider of `copy`.
+    fn shape(&self, copy: usize, collider: usize) -> &SharedShape {
+        let mut terrains = self.terrains[copy].iter();
+        match terrains.find(|(other, _)| *other == collider) {
+            Some((_, line)) => line,
+            None => &self.surfaces[collider].shape,
+        }
+    }
+
+    /// Whether two colliders of `copy` touch, given where the bodies are. `frames`: `[bodies]`
     #[must_use]
-    pub fn touch(&self, one: usize, other: usize, frames: &[Frame]) -> bool {
-        let (one, other) = (&self.surfaces[one], &self.surfaces[other]);
+    pub fn touch(&self, copy: usize, [one, other]: [usize; 2], frames: &[Frame]) -> bool {
         // `query::contact` is wrong if the second shape is a half-space.
         let distance = query::distance(
-            &one.pose_in(frames),
-            &*one.shape,
-            &other.pose_in(frames),
-            &*other.shape,
+            &self.surfaces[one].pose_in(frames),
+            &**self.shape(copy, one),
+            &self.surfaces[other].pose_in(frames),
+            &**self.shape(copy, other),
         );
         distance.is_ok_and(|distance| distance.distance <= TOLERANCE)
     }
 
     /// Distance along a ray, m, to the first surface of the world or of another body than the ray's
-    /// own; the ray's length if there is none.
+    /// own that is in one of its groups; the ray's length if there is none.
     /// `frames`: `[bodies]`
     #[must_use]
-    pub fn ray_distance(&self, ray: &description::Ray, frames: &[Frame]) -> f32 {
+    pub fn ray_distance(&self, copy: usize, ray: &description::Ray, frames: &[Frame]) -> f32 {
         let frame = &frames[ray.body];
-        let beam = Ray::new(
-            vector(frame.point(ray.from)),
-            vector(frame.vector(ray.direction)),
-        );
-        let others = self
-            .surfaces
-            .iter()
-            .filter(|surface| surface.body != Some(ray.body));
-        others.fold(ray.length as f32, |nearest, surface| {
-            surface
-                .shape
+        let direction = if ray.is_local {
+            frame.vector(ray.direction)
+        } else {
+            ray.direction
+        };
+        let beam = Ray::new(vector(frame.point(ray.from)), vector(direction));
+        let surfaces = self.surfaces.iter().enumerate();
+        let others = surfaces.filter(|(_, surface)| {
+            surface.body != Some(ray.body) && surface.contype & ray.conaffinity != 0
+        });
+        others.fold(ray.length as f32, |nearest, (index, surface)| {
+            self.shape(copy, index)
                 .cast_ray(&surface.pose_in(frames), &beam, nearest, true)
                 .unwrap_or(nearest)
         })
@@ -77,6 +98,7 @@ impl PlacedShape {
         let (shape, pose) = shape(&collider.surface);
         Self {
             body: collider.body,
+            contype: collider.contype,
             shape,
             pose,
         }
@@ -114,15 +136,21 @@ fn shape(surface: &Surface) -> (SharedShape, Pose) {
             Pose::IDENTITY,
         ),
         Surface::Shape(Shape::Polygon(corners)) => (convex_hull(corners), Pose::IDENTITY),
-        Surface::Shape(Shape::Polyline(line)) => (
-            SharedShape::new(Polyline::with_flags(
-                vectors(line),
-                None,
-                PolylineFlags::ORIENTED,
-            )),
-            Pose::IDENTITY,
-        ),
+        Surface::Shape(Shape::Polyline(line)) => (oriented_line(line), Pose::IDENTITY),
+        Surface::Terrain(terrain) => {
+            let flat = terrain.line((0..terrain.points).map(|_| 0.0));
+            (oriented_line(&flat), Pose::IDENTITY)
+        }
     }
+}
+
+/// An open line that can be touched from its right-hand side.
+pub(super) fn oriented_line(points: &[[f32; 2]]) -> SharedShape {
+    SharedShape::new(Polyline::with_flags(
+        vectors(points),
+        None,
+        PolylineFlags::ORIENTED,
+    ))
 }
 
 /// The convex hull of some points, or the line through them if they have none.

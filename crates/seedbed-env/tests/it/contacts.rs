@@ -257,15 +257,15 @@ fn a_box_at_rest_stays_and_touches_the_ground() {
         x.abs() < 1e-4 && (y - 0.2).abs() < 1.5e-3 && angle.abs() < 1e-4,
         "{x} m, {y} m, {angle} rad"
     );
-    let geometry = seedbed_env::physics::Geometry::new(&task);
+    let geometry = seedbed_env::physics::Geometry::new(&task, 1);
     assert!(geometry.touch(
-        1,
         0,
+        [1, 0],
         &KinematicTree::new(&task).frames_of(lying.coordinates(), 0)
     ));
-    assert!(!geometry.touch(1, 0, &[Frame::at([0.0, 0.21], 0.0)]));
+    assert!(!geometry.touch(0, [1, 0], &[Frame::at([0.0, 0.21], 0.0)]));
     assert!(
-        geometry.touch(1, 0, &[Frame::at([0.0, 0.21], 0.1)]),
+        geometry.touch(0, [1, 0], &[Frame::at([0.0, 0.21], 0.1)]),
         "turned by 0.1 rad, its corner is 0.03 m lower"
     );
 }
@@ -481,15 +481,26 @@ fn eye_with_rays() -> BodyTask {
         ray("left", "(0.0, 1.0)"),
         ray("right", "(0.0, -2.0)"),
         ray("back", "(-1.0, 0.0)"),
+        ray("east", "(1.0, 0.0), frame: World"),
+        ray("second_group_left", "(0.0, 1.0), conaffinity: 2"),
+        ray("second_group_ahead", "(1.0, 0.0), conaffinity: 2"),
     ];
-    let names = ["ahead", "left", "right", "back"]
-        .map(|name| format!(r#"(name: "{name}", range: (0.0, 10.0)),"#));
+    let names = [
+        "ahead",
+        "left",
+        "right",
+        "back",
+        "east",
+        "second_group_left",
+        "second_group_ahead",
+    ]
+    .map(|name| format!(r#"(name: "{name}", range: (0.0, 10.0)),"#));
     let text = format!(
         r#"Environment(
             description: "Rays.", gravity: (0.0, 0.0), control_step: 0.01, time_limit: 10,
             colliders: [
                 (geom: HalfSpace(point: (0.0, 4.0), normal: (0.0, -1.0))),
-                (geom: Ball(center: (-3.0, 1.5), radius: 0.5)),
+                (geom: Ball(center: (-3.0, 1.5), radius: 0.5), contype: 2),
                 (geom: Box(center: (2.0, 1.5), half_size: (0.25, 0.25), angle: 0.7853981633974483)),
             ],
             bodies: [(name: "eye", position: (0.0, 1.0), angle: 1.5707963267948966, mass: 1.0,
@@ -508,11 +519,15 @@ fn rays_measure_distances() {
     let mut environment = build_bodies(&eye_with_rays(), Physics::Rapier, 1);
     environment.reset(0, &mut stream(0, Purpose::Reset, 0, 0));
     // From (0, 1.5): up to the half-space at 4; to −x, the ball's near side at −2.5; to +x, the
-    // turned box's corner at 2 − 0.25 √2; down, nothing but the body's own ball.
+    // turned box's corner at 2 − 0.25 √2; down, nothing but the body's own ball. East is +x; of the
+    // second group there is only the ball.
     for (found, expected) in environment.observations().iter().zip([
         2.5,
         2.5,
         2.0 - 0.25 * std::f32::consts::SQRT_2,
+        10.0,
+        2.0 - 0.25 * std::f32::consts::SQRT_2,
+        2.5,
         10.0,
     ]) {
         assert!(

@@ -58,6 +58,9 @@ const UNKNOWN_WORDS: &[(&str, &str)] = &[
     ("reward:", "fluid: (zzz: 1), reward:"),
     ("reward:", "contact_softness: (zzz: 1), reward:"),
     ("reward:", "markers: [(zzz: 1)], reward:"),
+    ("Ball(radius: 0.05)", "Terrain(zzz: 1)"),
+    ("Ball(radius: 0.05)", "Terrain(drawn: [(zzz: 1)])"),
+    ("Ball(radius: 0.05)", "Terrain(values: [(zzz: 1)])"),
     ("reward:", "drawn_per_episode: [(zzz: 1)], reward:"),
     (
         "name: \"wire\",",

@@ -15,6 +15,7 @@ mod smooth;
 mod surroundings;
 mod tabular;
 mod tasks;
+mod terrain;
 
 use std::path::{Path, PathBuf};
 

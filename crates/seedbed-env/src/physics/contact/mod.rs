@@ -56,6 +56,10 @@ impl Dynamics for ContactWorlds {
         }
     }
 
+    fn set_terrain(&mut self, copy: usize, collider: usize, line: &[[f32; 2]]) {
+        self.worlds[copy].set_terrain(collider, line);
+    }
+
     fn stop(&mut self, copy: usize) {
         self.worlds[copy].live = false;
     }

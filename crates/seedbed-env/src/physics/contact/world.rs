@@ -4,10 +4,11 @@ use std::f32::consts::TAU;
 
 use rapier2d::prelude::{
     BroadPhaseBvh, CCDSolver, IslandManager, NarrowPhase, PhysicsPipeline, PhysicsWorld, Pose,
-    Rotation, Vector,
+    Rotation, SharedShape, Vector,
 };
 use serde::{Deserialize, Serialize};
 
+use super::super::geometry::oriented_line;
 use super::super::vector;
 use super::build::WorldTemplate;
 use super::link::Root;
@@ -18,7 +19,11 @@ use crate::{Force, ForceSource, caught_panic};
 /// One copy of a task in its own Rapier world.
 #[derive(Serialize, Deserialize)]
 pub(super) struct World {
-    world: PhysicsWorld,
+    simulation: PhysicsWorld,
+    /// Lines of terrains: pairs of a collider and its shape, which replace those of the template when
+    /// an episode starts; `None` if not all of its heights are finite.
+    #[serde(skip)]
+    terrains: Vec<(usize, Option<SharedShape>)>,
     /// Whether the copy is live.
     pub(super) live: bool,
 }
@@ -34,7 +39,19 @@ impl World {
         world.colliders = template.colliders.clone();
         world.multibody_joints = template.multibody_joints.clone();
         world.impulse_joints = template.ropes.clone();
-        Self { world, live: false }
+        Self {
+            simulation: world,
+            terrains: Vec::new(),
+            live: false,
+        }
+    }
+
+    /// Sets the line of a terrain for the episodes that start from now on.
+    pub(super) fn set_terrain(&mut self, collider: usize, line: &[[f32; 2]]) {
+        let is_finite = line.iter().flatten().all(|number| number.is_finite());
+        self.terrains.retain(|(other, _)| *other != collider);
+        self.terrains
+            .push((collider, is_finite.then(|| oriented_line(line))));
     }
 
     /// Starts an episode with the same bits as a new world: everything that Rapier keeps between
@@ -49,7 +66,7 @@ impl World {
     ) -> bool {
         // Rapier's limits panic where numbers are not finite.
         let placed = caught_panic(|| self.place(template, frames, positions, velocities));
-        self.live = placed.is_ok();
+        self.live = placed.is_ok() && self.terrains.iter().all(|(_, shape)| shape.is_some());
         self.live
     }
 
@@ -60,17 +77,25 @@ impl World {
         positions: &[f64],
         velocities: &[f64],
     ) {
-        self.world.bodies.clone_from(&template.bodies);
-        self.world.colliders.clone_from(&template.colliders);
-        self.world
+        self.simulation.bodies.clone_from(&template.bodies);
+        self.simulation.colliders.clone_from(&template.colliders);
+        for (collider, shape) in &self.terrains {
+            let handle = template.collider_handles[*collider];
+            if let (Some(shape), Some(collider)) =
+                (shape, self.simulation.colliders.get_mut(handle))
+            {
+                collider.set_shape(shape.clone());
+            }
+        }
+        self.simulation
             .multibody_joints
             .clone_from(&template.multibody_joints);
-        self.world.impulse_joints.clone_from(&template.ropes);
-        self.world.islands = IslandManager::new();
-        self.world.broad_phase = BroadPhaseBvh::new();
-        self.world.narrow_phase = NarrowPhase::new();
-        self.world.ccd_solver = CCDSolver::new();
-        self.world.physics_pipeline = PhysicsPipeline::new();
+        self.simulation.impulse_joints.clone_from(&template.ropes);
+        self.simulation.islands = IslandManager::new();
+        self.simulation.broad_phase = BroadPhaseBvh::new();
+        self.simulation.narrow_phase = NarrowPhase::new();
+        self.simulation.ccd_solver = CCDSolver::new();
+        self.simulation.physics_pipeline = PhysicsPipeline::new();
         self.place_bodies(template, frames);
         template
             .links
@@ -80,7 +105,7 @@ impl World {
                 link.place(
                     position as f32,
                     velocity as f32,
-                    &mut self.world.multibody_joints,
+                    &mut self.simulation.multibody_joints,
                 );
             });
         self.place_roots(template, frames);
@@ -89,7 +114,7 @@ impl World {
 
     fn place_bodies(&mut self, template: &WorldTemplate, frames: &[Frame]) {
         for ((&handle, frame), &com) in template.handles.iter().zip(frames).zip(&template.coms) {
-            let body = &mut self.world.bodies[handle];
+            let body = &mut self.simulation.bodies[handle];
             let rotation = Rotation::from_cos_sin_unchecked(
                 frame.rotation[0] as f32,
                 frame.rotation[1] as f32,
@@ -109,10 +134,10 @@ impl World {
                 frame,
                 com,
                 template.handles[root.body],
-                &mut self.world.multibody_joints,
+                &mut self.simulation.multibody_joints,
             );
         }
-        let Self { world, .. } = self;
+        let world = &mut self.simulation;
         for &index in &template.multibodies {
             let Some(multibody) = world.multibody_joints.get_multibody_mut(index) else {
                 continue;
@@ -124,9 +149,9 @@ impl World {
 
     /// Lets Rapier process new bodies without time passing.
     fn process_changes(&mut self) {
-        let duration = std::mem::take(&mut self.world.integration_parameters.dt);
-        self.world.step();
-        self.world.integration_parameters.dt = duration;
+        let duration = std::mem::take(&mut self.simulation.integration_parameters.dt);
+        self.simulation.step();
+        self.simulation.integration_parameters.dt = duration;
     }
 
     /// Advances the world by one control step. `controls`: `[(actuators + formula
@@ -142,7 +167,7 @@ impl World {
         for _ in 0..template.contact_updates {
             self.apply_controls(template, copy, controls, copies);
             // Rapier's limits of motors panic where coordinates are not finite.
-            if caught_panic(|| self.world.step()).is_err() {
+            if caught_panic(|| self.simulation.step()).is_err() {
                 self.live = false;
                 return false;
             }
@@ -159,7 +184,7 @@ impl World {
         copies: usize,
     ) {
         for &handle in &template.handles {
-            let body = &mut self.world.bodies[handle];
+            let body = &mut self.simulation.bodies[handle];
             body.reset_forces(false);
             body.reset_torques(false);
         }
@@ -168,12 +193,12 @@ impl World {
             input.apply(
                 control,
                 template,
-                &mut self.world.bodies,
-                &mut self.world.multibody_joints,
+                &mut self.simulation.bodies,
+                &mut self.simulation.multibody_joints,
             );
         }
         for fluid_body in &template.fluid_bodies {
-            fluid_body.resist(&mut self.world.bodies[template.handles[fluid_body.body]]);
+            fluid_body.resist(&mut self.simulation.bodies[template.handles[fluid_body.body]]);
         }
     }
 
@@ -186,17 +211,17 @@ impl World {
         columns: &mut CoordinateColumns,
     ) {
         for (index, link) in template.links.iter().enumerate() {
-            let (position, velocity) = link.read(&self.world.multibody_joints);
+            let (position, velocity) = link.read(&self.simulation.multibody_joints);
             columns.set(index, copy, position, velocity);
         }
         for (index, root) in template.roots.iter().enumerate() {
             let first_coordinate = template.links.len() + 3 * index;
             let (before, _) = columns.get(first_coordinate + 2, copy);
-            let body = &self.world.bodies[template.handles[root.body]];
+            let body = &self.simulation.bodies[template.handles[root.body]];
             let state = root.frame_state(
                 body,
                 template.handles[root.body],
-                &self.world.multibody_joints,
+                &self.simulation.multibody_joints,
             );
             let angle = state.angle + TAU * ((before - state.angle) / TAU).round();
             columns.set(first_coordinate, copy, state.position.x, state.velocity.x);
@@ -213,9 +238,9 @@ impl World {
     /// Appends the contact forces of the latest step: those on the body that touches the world, or
     /// on the second of two bodies.
     pub(super) fn contact_forces(&self, forces: &mut Vec<Force>) {
-        let dt = self.world.integration_parameters.dt;
-        for pair in self.world.narrow_phase.contact_pairs() {
-            let pose = self.world.colliders[pair.collider1].position();
+        let dt = self.simulation.integration_parameters.dt;
+        for pair in self.simulation.narrow_phase.contact_pairs() {
+            let pose = self.simulation.colliders[pair.collider1].position();
             for manifold in pair.solver_manifolds() {
                 let normal = manifold.data.normal;
                 let sign = if manifold.data.rigid_body2.is_some() {
@@ -244,18 +269,18 @@ impl World {
     /// The normal force between two colliders in the latest step, N.
     pub(super) fn contact_force(&self, template: &WorldTemplate, one: usize, other: usize) -> f32 {
         let [one, other] = [one, other].map(|index| template.collider_handles[index]);
-        let Some(pair) = self.world.narrow_phase.contact_pair(one, other) else {
+        let Some(pair) = self.simulation.narrow_phase.contact_pair(one, other) else {
             return 0.0;
         };
         let manifolds = pair.solver_manifolds().iter();
         let points = manifolds.flat_map(|manifold| &manifold.points);
         let impulse: f32 = points.map(|point| point.data.impulse).sum();
-        impulse / self.world.integration_parameters.dt
+        impulse / self.simulation.integration_parameters.dt
     }
 
     /// Whether both have the same bodies and joints.
     pub(super) fn same_shape(&self, other: &Self) -> bool {
-        self.world.bodies.len() == other.world.bodies.len()
-            && self.world.colliders.len() == other.world.colliders.len()
+        self.simulation.bodies.len() == other.simulation.bodies.len()
+            && self.simulation.colliders.len() == other.simulation.colliders.len()
     }
 }
