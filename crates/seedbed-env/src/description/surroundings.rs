@@ -31,10 +31,8 @@ pub struct Fluid {
     pub viscosity: f64,
 }
 
-/// How strongly Rapier corrects overlaps of contacts, or the overshoot of ranges: the coefficients of
-/// the spring from which it computes the correction of a substep. Lower frequencies give way more.
-/// Because it removes the correction from the velocities afterwards, a static load sinks deeper than
-/// with a spring.
+/// How far overlaps of contacts, or the overshoot of ranges, yield: like a damped spring that a
+/// lasting load presses in by its acceleration over (2 π natural frequency)².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Softness {
     /// Natural frequency of the spring, Hz.

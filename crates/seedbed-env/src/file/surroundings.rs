@@ -44,7 +44,8 @@ pub struct Fluid {
     pub viscosity: Option<NonNegative>,
 }
 
-/// How strongly Rapier corrects an overlap or an overshoot. Lower frequencies give way more.
+/// How far an overlap or an overshoot yields: like a damped spring that a lasting load presses in by
+/// its acceleration over (2 π natural frequency)².
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Softness {

@@ -215,39 +215,55 @@ fn depth(softness: &str) -> f32 {
     0.5 - block.observations()[0]
 }
 
+/// A lasting load presses a contact in by its acceleration over ω². Rapier's contacts come within a
+/// quarter of it; the default, 60 Hz, by less than the 1 mm that it tolerates.
 #[test]
-fn softer_contacts_give_way_more() {
-    let (default, soft) = (
-        depth(""),
-        depth("contact_softness: (natural_frequency: 3.0, damping_ratio: 1.0),"),
-    );
-    assert!((0.0..2e-3).contains(&default), "{default} m");
-    assert!((0.01..0.1).contains(&soft), "{soft} m");
+fn a_soft_contact_yields_like_a_spring() {
+    assert!(depth("") < 1e-3, "{} m", depth(""));
+    for frequency in [3.0, 10.0, 30.0_f32] {
+        let fields =
+            format!("contact_softness: (natural_frequency: {frequency:?}, damping_ratio: 1.0),");
+        let expected = 9.8 / (std::f32::consts::TAU * frequency).powi(2);
+        let found = depth(&fields);
+        assert!(
+            (found / expected - 1.0).abs() < 0.3,
+            "{frequency} Hz: {found} m, {expected} m"
+        );
+    }
 }
 
-/// How far a joint overshoots the end of its range under a constant force, m, in a task with or
-/// without contacts.
-fn overshoot(softness: &str, collider: &str) -> f32 {
+/// How far a joint overshoots the end of its range under its weight, m. `collider`: a task with
+/// contacts has another solver.
+fn overshoot(softness: &str, iterations: u32, collider: &str) -> f32 {
     let fields = format!(
-        r#"solver: (iterations: 8), {collider}
+        r#"solver: (iterations: {iterations}), {collider}
         bodies: [(name: "bead", mass: 2.0, inertia: 1.0)],
         joints: [(name: "wire", parent: "world", child: "bead", type: Slide(axis: (0.0, 1.0)), range: (-1.0, 1.0), {softness})],
         sensors: [(name: "y", type: JointPosition("wire"))], observations: [(name: "y", range: (-1.0, 1.0))],"#
     );
-    let mut bead = started(&fields, &at(&[-0.9]));
+    let mut bead = started(&fields, &at(&[-0.99]));
     run(&mut *bead, 3.0);
     -1.0 - bead.observations()[0]
 }
 
+/// A lasting load presses the end of a range in by its acceleration over ω², however many substeps.
 #[test]
-fn softer_ranges_give_way_more() {
-    let soft = "range_softness: (natural_frequency: 3.0, damping_ratio: 1.0)";
+fn a_soft_range_yields_like_a_spring() {
     for collider in [
         "",
         "colliders: [(geom: HalfSpace(point: (9.0, -9.0), normal: (0.0, 1.0)))],",
     ] {
-        let (hard, soft) = (overshoot("", collider), overshoot(soft, collider));
+        let hard = overshoot("", 8, collider);
         assert!((-1e-4..3e-3).contains(&hard), "{hard} m, {collider}");
-        assert!((0.01..0.5).contains(&soft), "{soft} m, {collider}");
+        for (frequency, iterations) in [(3.0, 8), (3.0, 64), (20.0, 8), (20.0, 64_u32)] {
+            let softness =
+                format!("range_softness: (natural_frequency: {frequency:?}, damping_ratio: 2.0)");
+            let expected = 9.8 / (std::f32::consts::TAU * frequency).powi(2);
+            let found = overshoot(&softness, iterations, collider);
+            assert!(
+                (found / expected - 1.0).abs() < 0.1,
+                "{frequency} Hz, {iterations} iterations {collider}: {found} m, {expected} m"
+            );
+        }
     }
 }

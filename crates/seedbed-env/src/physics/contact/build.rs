@@ -11,7 +11,7 @@ use rapier2d::prelude::{
 use super::super::geometry::{PlacedShape, TOLERANCE};
 use super::super::vector;
 use super::fluid::FluidBody;
-use super::joint_group::{JointGroup, spring};
+use super::joint_group::{JointGroup, contact_spring};
 use super::link::{ControlInput, Link, Root};
 use crate::description::{self, Body, BodyTask, Joint};
 use crate::kinematics::KinematicTree;
@@ -97,7 +97,7 @@ const MAX_PREDICTED_SPEED: f32 = 4.0;
 /// enough, to do without it.
 fn parameters(task: &BodyTask) -> IntegrationParameters {
     let dt = task.spec.control_step as f32 / task.solver.contact_updates as f32;
-    let softness = task.contact_softness.map(spring);
+    let softness = task.contact_softness.map(contact_spring);
     let defaults = IntegrationParameters::default();
     IntegrationParameters {
         contact_softness: softness.unwrap_or(defaults.contact_softness),

@@ -1,5 +1,7 @@
 //! The joints of one body as one joint of Rapier, which may have several coordinates.
 
+use std::f64::consts::TAU;
+
 use rapier2d::prelude::{
     GenericJoint, GenericJointBuilder, JointAxesMask, JointAxis, MotorModel, Pose, Rotation,
     SpringCoefficients,
@@ -112,7 +114,7 @@ impl<'a> JointGroup<'a> {
             .build();
         for (&index, coordinate) in self.joints.iter().zip(coordinates) {
             if let Some(coordinate) = coordinate {
-                set_range(&self.task.joints[index], coordinate, &mut joint);
+                set_range(&self.task.joints[index], coordinate, self.task, &mut joint);
                 set_servo(servo_of(index, self.task), coordinate, &mut joint);
             }
         }
@@ -131,7 +133,12 @@ impl<'a> JointGroup<'a> {
     }
 }
 
-fn set_range(described: &Joint, coordinate: RapierCoordinate, joint: &mut GenericJoint) {
+fn set_range(
+    described: &Joint,
+    coordinate: RapierCoordinate,
+    task: &BodyTask,
+    joint: &mut GenericJoint,
+) {
     let Some(range) = described.range else { return };
     let ends = range.map(|end| coordinate.sign * end as f32);
     joint.set_limits(
@@ -139,7 +146,7 @@ fn set_range(described: &Joint, coordinate: RapierCoordinate, joint: &mut Generi
         [ends[0].min(ends[1]), ends[0].max(ends[1])],
     );
     if let Some(softness) = described.range_softness {
-        joint.softness = spring(softness);
+        joint.softness = range_spring(softness, substep(task));
     }
 }
 
@@ -160,8 +167,36 @@ fn servo_of(joint: usize, task: &BodyTask) -> Option<&Servo> {
     })
 }
 
-/// A softness as Rapier takes it.
-pub(super) fn spring(softness: Softness) -> SpringCoefficients<f32> {
+/// Duration of a substep, s.
+fn substep(task: &BodyTask) -> f64 {
+    let substeps = task.solver.contact_updates * task.solver.substeps;
+    task.spec.control_step / f64::from(substeps)
+}
+
+/// The coefficients with which a range of Rapier's multibodies yields like a spring of natural
+/// frequency ω and damping ratio ζ: under a lasting load by its acceleration over ω², and an overshoot
+/// shrinks at the rate ω / (2 ζ).
+///
+/// In a substep h, Rapier computes a correction from the spring ω′, ζ′: with its coefficients e =
+/// ω′ / (h ω′ + 2 ζ′) and c = 1 / (h ω′ (h ω′ + 2 ζ′)), a limit overshoots by (1 + c) / ω′² per
+/// acceleration, because the correction is removed from the velocities after each substep, and an
+/// overshoot shrinks at the rate e / (1 + c). Both are as desired for c = 1 / (2 ζ h ω), ω′ =
+/// ω √(1 + c), e = (1 + c) ω / (2 ζ).
+fn range_spring(softness: Softness, substep: f64) -> SpringCoefficients<f32> {
+    let frequency = TAU * softness.natural_frequency;
+    let rate = frequency / (2.0 * softness.damping_ratio);
+    let compliance = rate / (substep * frequency * frequency);
+    let corrected_frequency = frequency * (1.0 + compliance).sqrt();
+    let correction = rate * (1.0 + compliance);
+    let damping = (corrected_frequency / correction - substep * corrected_frequency) / 2.0;
+    SpringCoefficients {
+        natural_frequency: (corrected_frequency / TAU) as f32,
+        damping_ratio: damping.max(0.0) as f32,
+    }
+}
+
+/// The softness of contacts as Rapier takes it.
+pub(super) fn contact_spring(softness: Softness) -> SpringCoefficients<f32> {
     SpringCoefficients {
         natural_frequency: softness.natural_frequency as f32,
         damping_ratio: softness.damping_ratio as f32,
