@@ -35,7 +35,7 @@ pub(super) const EXTENSION: &str = "checkpoint";
 
 const FORMAT: Format = Format {
     kind: *b"srun",
-    version: 1,
+    version: 2,
 };
 
 /// Share of the time of a thread that checkpoints may take.

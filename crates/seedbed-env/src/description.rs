@@ -8,7 +8,7 @@
 mod actuators;
 mod column_layout;
 mod distribution;
-mod episode_numbers;
+mod drawn_numbers;
 mod run_constants;
 mod sensors;
 mod surroundings;
@@ -17,7 +17,7 @@ mod terrain;
 pub use actuators::{Actuator, Drive, Servo, ServoTarget};
 pub use column_layout::ColumnLayout;
 pub use distribution::Distribution;
-pub use episode_numbers::EpisodeNumber;
+pub use drawn_numbers::DrawnNumber;
 pub use run_constants::RunConstant;
 pub use sensors::{BodyPoint, Measurement, Ray, Sensor, Subtree};
 pub use surroundings::{Fluid, Rope, RopeEnd, Softness};
@@ -75,7 +75,9 @@ pub struct BodyTask {
     /// Numbers that are drawn once per run, with their values in one run.
     pub run_constants: Vec<RunConstant>,
     /// Numbers that are drawn at the start of each episode.
-    pub episode_numbers: Vec<EpisodeNumber>,
+    pub episode_numbers: Vec<DrawnNumber>,
+    /// Numbers that are drawn in each step.
+    pub step_numbers: Vec<DrawnNumber>,
     /// What formulas may read besides drawn numbers, observations and actions.
     pub sensors: Vec<Sensor>,
     /// Forces given by formulas, besides gravity.
@@ -416,6 +418,7 @@ impl BodyTask {
         ColumnLayout {
             run_constant_count: self.run_constants.len(),
             episode_number_count: self.episode_numbers.len(),
+            step_number_count: self.step_numbers.len(),
             sensor_count: self.sensors.len(),
             observation_count: self.spec.observations.len(),
             action_count: self.actuators.len(),

@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 
+use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::description::{BodyTask, ColumnLayout, TaskDescription};
@@ -20,7 +21,7 @@ use super::{
     analytic, forces, physics,
 };
 use crate::input::InputError;
-use crate::random::Stream;
+use crate::random::{Purpose, Stream, stream};
 
 /// Builds `copies` copies of a task. None has started: reset each before its first step.
 ///
@@ -104,6 +105,8 @@ struct EpisodeStates {
     statuses: Vec<Status>,
     /// Steps since the reset.
     steps: Vec<u32>,
+    /// What the numbers of each step follow from.
+    step_seeds: Vec<u64>,
 }
 
 /// The state of one copy, which a checkpoint stores.
@@ -116,6 +119,7 @@ struct SavedCopy {
     reward: f32,
     status: Status,
     steps: u32,
+    step_seed: u64,
     dynamics: Vec<u8>,
 }
 
@@ -248,6 +252,7 @@ impl Environment for BodyEnvironment {
                 self.columns.first_previous_value(),
             );
         }
+        self.draw_numbers_of_step();
         self.compute_formula_forces();
         self.dynamics.step(
             self.table
@@ -278,6 +283,7 @@ impl Environment for BodyEnvironment {
             reward: self.episodes.rewards[copy],
             status: self.episodes.statuses[copy],
             steps: self.episodes.steps[copy],
+            step_seed: self.episodes.step_seeds[copy],
             dynamics: self.dynamics.save(copy),
         })
     }
@@ -304,6 +310,7 @@ impl Environment for BodyEnvironment {
         self.episodes.rewards[copy] = saved.reward;
         self.episodes.statuses[copy] = saved.status;
         self.episodes.steps[copy] = saved.steps;
+        self.episodes.step_seeds[copy] = saved.step_seed;
         Ok(())
     }
 
@@ -363,9 +370,35 @@ impl BodyEnvironment {
     fn draw_episode_numbers(&mut self, copy: usize, random: &mut Stream) {
         for (index, number) in self.task.episode_numbers.iter().enumerate() {
             let column = self.columns.first_episode_number() + index;
-            let value = number.distribution.draw(random);
-            self.table.column_mut(column)[copy] =
-                value.clamp(f32::MIN.into(), f32::MAX.into()) as f32;
+            self.table.column_mut(column)[copy] = number.draw(random);
+        }
+        if !self.task.step_numbers.is_empty() {
+            self.episodes.step_seeds[copy] = random.random();
+            self.episodes.steps[copy] = 0;
+            self.draw_step_numbers(copy);
+        }
+    }
+
+    /// Draws the numbers of the next step. They follow from a number that was drawn at the start of the
+    /// episode, so that a step needs no random stream.
+    fn draw_step_numbers(&mut self, copy: usize) {
+        let (seed, step) = (self.episodes.step_seeds[copy], self.episodes.steps[copy]);
+        let mut random = stream(seed, Purpose::StepNumbers, step, 0);
+        for (index, number) in self.task.step_numbers.iter().enumerate() {
+            let column = self.columns.first_step_number() + index;
+            self.table.column_mut(column)[copy] = number.draw(&mut random);
+        }
+    }
+
+    /// Draws the numbers of the step that begins in all running copies.
+    fn draw_numbers_of_step(&mut self) {
+        if self.task.step_numbers.is_empty() {
+            return;
+        }
+        for copy in 0..self.copies() {
+            if self.episodes.statuses[copy] == Status::Running {
+                self.draw_step_numbers(copy);
+            }
         }
     }
 
@@ -516,6 +549,7 @@ impl EpisodeStates {
             rewards: vec![0.0; copies],
             statuses: vec![Status::Idle; copies],
             steps: vec![0; copies],
+            step_seeds: vec![0; copies],
         }
     }
 

@@ -94,6 +94,9 @@ pub struct TaskFile {
     /// Numbers that are drawn at the start of each episode and that formulas read by name.
     #[serde(default, deserialize_with = "short_list")]
     pub drawn_per_episode: Vec<DrawnNumber>,
+    /// Numbers that are drawn in each step and that formulas read by name.
+    #[serde(default, deserialize_with = "short_list")]
+    pub drawn_per_step: Vec<DrawnNumber>,
     /// What is drawn at places that formulas give, such as a target.
     #[serde(default, deserialize_with = "short_list")]
     pub markers: Vec<Marker>,
@@ -312,14 +315,14 @@ pub enum Control {
 pub struct DiscreteValues(Vec<FiniteNumber>);
 
 /// A number that is drawn once per run, the same for all agents and episodes of the run, or at the
-/// start of each episode.
+/// start of each episode, or in each step.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename = "Number", deny_unknown_fields)]
 pub struct DrawnNumber {
     /// Name by which formulas read it, unique among drawn numbers, sensors, observations and
     /// actions; only an observation that shows it may have the same name.
     pub name: Located<Name>,
-    /// Its distribution over runs or episodes.
+    /// Its distribution over runs, episodes or steps.
     pub value: Distribution,
 }
 

@@ -49,6 +49,9 @@ pub enum Purpose {
     /// The states of a round that an entropy bonus compares states with. The number of the update takes
     /// the place of the round.
     ReferenceStates = 15,
+    /// The numbers of a task of rigid bodies that are drawn in each step. A number that is drawn at the
+    /// start of the episode takes the place of the run seed, the step that of the agent.
+    StepNumbers = 16,
     /// The MDP of a tabular task, drawn from its prior once per run or, with `drawn_with`, once for
     /// all runs.
     TabularTask = 40,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh64::xxh64;
 
 /// Beginning of the bytes of a state; the last byte is the version of the format.
-const MAGIC: &[u8; 8] = b"seedbed\x01";
+const MAGIC: &[u8; 8] = b"seedbed\x02";
 
 /// Number of bytes of the checksum at the end.
 const CHECKSUM_BYTES: usize = 8;

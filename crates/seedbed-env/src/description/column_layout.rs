@@ -1,7 +1,7 @@
 //! The order of the columns that formulas read.
 
 /// Number of columns of each kind in the table that formulas read. The columns are in this order:
-/// constants of the run, numbers of the episode, sensors, observations, actions, formula forces, sensors before the step,
+/// constants of the run, numbers of the episode, numbers of the step, sensors, observations, actions, formula forces, sensors before the step,
 /// observations before the step, heights of terrains.
 ///
 /// The order matters. A formula may read only what is computed before it:
@@ -14,6 +14,8 @@ pub struct ColumnLayout {
     pub run_constant_count: usize,
     /// Number of numbers that are drawn at the start of each episode.
     pub episode_number_count: usize,
+    /// Number of numbers that are drawn in each step.
+    pub step_number_count: usize,
     /// Number of sensors.
     pub sensor_count: usize,
     /// Number of observations.
@@ -33,10 +35,16 @@ impl ColumnLayout {
         self.run_constant_count
     }
 
+    /// Column of the first number of the step.
+    #[must_use]
+    pub fn first_step_number(&self) -> usize {
+        self.first_episode_number() + self.episode_number_count
+    }
+
     /// Column of the first sensor.
     #[must_use]
     pub fn first_sensor(&self) -> usize {
-        self.first_episode_number() + self.episode_number_count
+        self.first_step_number() + self.step_number_count
     }
 
     /// Column of the first observation.

@@ -1,6 +1,6 @@
 //! Ground that is drawn at the start of each episode.
 
-use super::EpisodeNumber;
+use super::DrawnNumber;
 use crate::expression::Program;
 
 /// A line of points at equal distances along x, whose heights are drawn at the start of each episode.
@@ -16,7 +16,7 @@ pub struct Terrain {
     /// Number of points.
     pub points: usize,
     /// Numbers that are drawn for each point.
-    pub drawn: Vec<EpisodeNumber>,
+    pub drawn: Vec<DrawnNumber>,
     /// Values that go from point to point.
     pub values: Vec<TerrainValue>,
     /// Height of a point, m.

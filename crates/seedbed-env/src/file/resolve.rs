@@ -38,6 +38,7 @@ impl<'a> Resolver<'a> {
         let columns = ColumnLayout {
             run_constant_count: file.drawn_per_run.len(),
             episode_number_count: file.drawn_per_episode.len(),
+            step_number_count: file.drawn_per_step.len(),
             sensor_count: file.sensors.len(),
             observation_count: file.observations.len(),
             action_count: file.actuators.len(),
@@ -79,7 +80,8 @@ impl<'a> Resolver<'a> {
             fluid: file.fluid.map(Fluid::resolve),
             actuators: self.actuators()?,
             run_constants: self.run_constants(),
-            episode_numbers: self.episode_numbers(),
+            episode_numbers: resolved(&file.drawn_per_episode),
+            step_numbers: resolved(&file.drawn_per_step),
             sensors: self.sensors()?,
             formula_forces: self.formula_forces()?,
             display_offsets: self.display_offsets()?,
@@ -147,10 +149,11 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// The numbers that are drawn per run, then those that are drawn per episode.
+    /// The numbers that are drawn per run, then those per episode, then those per step.
     fn drawn_numbers(&self) -> impl Iterator<Item = &DrawnNumber> {
         let per_run = self.file.drawn_per_run.iter();
-        per_run.chain(&self.file.drawn_per_episode)
+        let per_episode = per_run.chain(&self.file.drawn_per_episode);
+        per_episode.chain(&self.file.drawn_per_step)
     }
 
     /// The list in which a drawn number has this name.
@@ -158,6 +161,7 @@ impl<'a> Resolver<'a> {
         let lists = [
             ("drawn_per_run", &self.file.drawn_per_run),
             ("drawn_per_episode", &self.file.drawn_per_episode),
+            ("drawn_per_step", &self.file.drawn_per_step),
         ];
         let has_name = |numbers: &[DrawnNumber]| {
             let mut numbers = numbers.iter();
@@ -358,11 +362,6 @@ impl<'a> Resolver<'a> {
             .collect()
     }
 
-    fn episode_numbers(&self) -> Vec<description::EpisodeNumber> {
-        let numbers = self.file.drawn_per_episode.iter();
-        numbers.map(DrawnNumber::per_episode).collect()
-    }
-
     fn run_constants(&self) -> Vec<description::RunConstant> {
         let constants = self.file.drawn_per_run.iter();
         constants
@@ -493,13 +492,13 @@ impl<'a> Resolver<'a> {
     }
 }
 
-impl DrawnNumber {
-    pub(super) fn per_episode(&self) -> description::EpisodeNumber {
-        description::EpisodeNumber {
-            name: self.name.value().as_ref().to_owned(),
-            distribution: self.value.resolve(),
-        }
-    }
+/// Numbers that are drawn during a run.
+pub(super) fn resolved(numbers: &[DrawnNumber]) -> Vec<description::DrawnNumber> {
+    let numbers = numbers.iter().map(|number| description::DrawnNumber {
+        name: number.name.value().as_ref().to_owned(),
+        distribution: number.value.resolve(),
+    });
+    numbers.collect()
 }
 
 /// Checks a further joint of a body: it must have the same parent, its coordinate must add to those

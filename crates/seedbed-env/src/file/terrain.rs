@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::resolve::{Resolver, check_unique, formula};
+use super::resolve::{Resolver, check_unique, formula, resolved};
 use super::{DrawnNumber, Name};
 use crate::description;
 use crate::expression::{Type, Variable};
@@ -82,7 +82,7 @@ impl Resolver<'_> {
             from: terrain.from.get(),
             spacing: terrain.spacing.get(),
             points: terrain.points.get() as usize,
-            drawn: terrain.drawn.iter().map(DrawnNumber::per_episode).collect(),
+            drawn: resolved(&terrain.drawn),
             values: values.collect::<Result<_, _>>()?,
             height: compile(&terrain.height)?,
             index_column,

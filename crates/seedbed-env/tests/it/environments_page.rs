@@ -62,6 +62,7 @@ const UNKNOWN_WORDS: &[(&str, &str)] = &[
     ("Ball(radius: 0.05)", "Terrain(drawn: [(zzz: 1)])"),
     ("Ball(radius: 0.05)", "Terrain(values: [(zzz: 1)])"),
     ("reward:", "drawn_per_episode: [(zzz: 1)], reward:"),
+    ("reward:", "drawn_per_step: [(zzz: 1)], reward:"),
     (
         "name: \"wire\",",
         "name: \"wire\", range_softness: (zzz: 1),",

@@ -173,3 +173,67 @@ fn an_episode_starts_in_a_given_state() {
         "{drawn:?}"
     );
 }
+
+/// A bead whose acceleration is a number that is drawn in each step.
+fn shaken_beads(copies: usize) -> Box<dyn Environment> {
+    let text = r#"Environment(
+        description: "A bead.", gravity: (0.0, 0.0), control_step: 1.0, time_limit: 2000,
+        drawn_per_step: [(name: "shake", value: Uniform(-1.0, 1.0))],
+        bodies: [(name: "bead", mass: 1.0, inertia: 1.0)],
+        joints: [
+            (name: "wire", parent: "world", child: "bead", type: Slide(axis: (1.0, 0.0)), force: "shake"),
+        ],
+        actuators: [],
+        sensors: [(name: "v", type: JointVelocity("wire"))],
+        observations: [(name: "v", range: (-9.0, 9.0)), (name: "shake", range: (-1.0, 1.0))],
+        reward: "shake",
+    )"#;
+    let task = parse("bead", "bead", text.to_owned()).unwrap_or_else(|error| panic!("{error}"));
+    build(&task, Physics::Rapier, copies).unwrap()
+}
+
+/// The number is the force of the step, m v̇ = shake, is what the reward reads, and is observed.
+/// Uniform numbers have mean 0 and variance 1/3, and neighboring ones are not correlated.
+#[test]
+fn each_step_draws_its_numbers() {
+    let mut environment = shaken_beads(1);
+    environment.reset(0, &mut resets());
+    assert!(
+        environment.observations()[1] != 0.0,
+        "drawn for the first observation"
+    );
+    let (mut before, mut shakes) = (0.0, Vec::new());
+    for _ in 0..1000 {
+        environment.step(&[]);
+        let (velocity, shake) = (environment.observations()[0], environment.observations()[1]);
+        assert_eq!(environment.rewards(), [shake]);
+        assert!(
+            (velocity - before - shake).abs() < 1e-4,
+            "{velocity}, {before}, {shake}"
+        );
+        before = velocity;
+        shakes.push(shake);
+    }
+    let mean_of = |values: Vec<f32>| values.iter().sum::<f32>() / values.len() as f32;
+    let mean = mean_of(shakes.clone());
+    let variance = mean_of(shakes.iter().map(|shake| shake * shake).collect());
+    let covariance = mean_of(shakes.windows(2).map(|pair| pair[0] * pair[1]).collect());
+    assert!(mean.abs() < 0.09 && (variance - 1.0 / 3.0).abs() < 0.05 && covariance.abs() < 0.05);
+}
+
+/// Copies differ, a restored copy goes on with the same numbers, and so does the same reset.
+#[test]
+fn numbers_of_steps_follow_from_the_reset() {
+    let (mut environment, mut random) = (shaken_beads(2), resets());
+    (0..2).for_each(|copy| environment.reset(copy, &mut random));
+    (0..3).for_each(|_| environment.step(&[]));
+    assert_ne!(environment.rewards()[0], environment.rewards()[1]);
+    let saved = environment.save(0);
+    environment.restore(1, &saved).unwrap();
+    environment.step(&[]);
+    assert_eq!(environment.rewards()[0], environment.rewards()[1]);
+    let mut again = shaken_beads(1);
+    again.reset(0, &mut resets());
+    (0..4).for_each(|_| again.step(&[]));
+    assert_eq!(again.rewards()[0], environment.rewards()[0]);
+}
