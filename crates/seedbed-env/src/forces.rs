@@ -102,6 +102,10 @@ fn servo_force(servo: &Servo, target: f64, (position, rate): (f32, f32)) -> f64 
     let force = match servo.target {
         ServoTarget::Position => servo.kp * (target - position) - servo.kv * rate,
         ServoTarget::Velocity => servo.kv * (target - rate),
+        // What the motor needs is not known: its direction and maximum are shown.
+        ServoTarget::Speed { speed, max_force } => {
+            max_force * target.abs() * (speed * target.signum() - rate).signum()
+        }
     };
     servo
         .force_limit

@@ -45,7 +45,7 @@ pub enum Drive {
 }
 
 /// A motor with the force kp (target − q) + kv (target velocity − q̇), computed again in each
-/// substep.
+/// substep. One that drives to a speed reaches it within a substep if its force allows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Servo {
     /// Index of the joint.
@@ -61,10 +61,18 @@ pub struct Servo {
 }
 
 /// The quantity whose target a servo's control sets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ServoTarget {
     /// The coordinate, m or rad. The target velocity is 0.
     Position,
     /// The velocity, m/s or rad/s.
     Velocity,
+    /// The sign of the control gives the direction of motion, its size the share of the maximum
+    /// force.
+    Speed {
+        /// Speed that the motor drives to, m/s or rad/s.
+        speed: f64,
+        /// Maximum force at a control of 1, N or N m.
+        max_force: f64,
+    },
 }

@@ -38,6 +38,16 @@ pub enum ActuatorKind {
         #[serde(default)]
         force_limit: Option<Positive>,
     },
+    /// A motor that drives the velocity to `speed` in the direction of the control's sign, with a force
+    /// of at most `max_force` × |control|, as the motors of Box2D do.
+    SpeedMotor {
+        /// Name of the joint.
+        joint: Located<String>,
+        /// Speed, m/s or rad/s.
+        speed: Positive,
+        /// Maximum force at a control of ±1, N or N m.
+        max_force: Positive,
+    },
     /// Nothing by itself: formulas of forces read the control.
     Signal,
     /// A force (N) on a body.
@@ -108,6 +118,20 @@ impl Resolver<'_> {
                 kv: kv.map_or(0.0, NonNegative::get),
                 force_limit: force_limit.map(Positive::get),
             }),
+            ActuatorKind::SpeedMotor {
+                joint,
+                speed,
+                max_force,
+            } => Drive::Servo(Servo {
+                joint: self.find_moving_joint(joint)?,
+                target: ServoTarget::Speed {
+                    speed: speed.get(),
+                    max_force: max_force.get(),
+                },
+                kp: 0.0,
+                kv: 0.0,
+                force_limit: None,
+            }),
             ActuatorKind::BodyForce {
                 body,
                 at,
@@ -133,7 +157,8 @@ impl Resolver<'_> {
         let mut joints_with_servo: Vec<&str> = Vec::new();
         for actuator in &self.file.actuators {
             let (ActuatorKind::VelocityServo { joint, .. }
-            | ActuatorKind::PositionServo { joint, .. }) = &actuator.kind
+            | ActuatorKind::PositionServo { joint, .. }
+            | ActuatorKind::SpeedMotor { joint, .. }) = &actuator.kind
             else {
                 continue;
             };

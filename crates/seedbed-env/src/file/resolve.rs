@@ -522,7 +522,26 @@ fn check_joint_of_same_child(joint: &Joint, earlier: &[Joint]) -> Result<(), Val
             "all joints of body `{child}` must come before those of bodies that hang on it"
         )));
     }
-    check_kinds_of_same_child(joint, &same_child)
+    check_kinds_of_same_child(joint, &same_child)?;
+    check_softness_of_same_child(joint, &same_child)
+}
+
+/// Rapier has one softness for all coordinates of a body's joint.
+fn check_softness_of_same_child(
+    joint: &Joint,
+    same_child: &[&Joint],
+) -> Result<(), ValidationError> {
+    let softness = |joint: &Joint| joint.range_softness.as_ref().map(|softness| **softness);
+    let differs = |other: &&&Joint| softness(other) != softness(joint);
+    let mut with_range = same_child.iter().filter(|other| other.range.is_some());
+    match (&joint.range, with_range.find(differs)) {
+        (Some(range), Some(other)) => Err(range.error(format!(
+            "the range of joint `{}`, which has the same child, has another `range_softness`: give \
+             both the same, or none",
+            other.name.as_ref()
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// A body may have up to two slides with perpendicular axes, then a hinge.

@@ -46,7 +46,7 @@ impl CoordinateConstraint {
         let force_limit = servo.force_limit.map_or(f32::MAX, |force| force as f32);
         let motor = JointMotor {
             stiffness: servo.kp as f32,
-            damping: servo.kv as f32,
+            damping: velocity_gain(servo),
             max_force: force_limit,
             ..FORCE_BASED_MOTOR
         };
@@ -116,9 +116,24 @@ impl CoordinateConstraint {
         match target {
             ServoTarget::Position => joint.data.motors[axis].target_pos = value,
             ServoTarget::Velocity => joint.data.motors[axis].target_vel = value,
+            ServoTarget::Speed { speed, max_force } => {
+                joint.data.motors[axis].target_vel = value.signum() * speed as f32;
+                joint.data.motors[axis].max_force = value.abs() * max_force as f32;
+            }
         }
     }
 }
+
+/// The velocity gain of a servo, N s/m or N m s/rad.
+pub(super) fn velocity_gain(servo: &Servo) -> f32 {
+    match servo.target {
+        ServoTarget::Speed { .. } => STOPPING_DAMPING,
+        ServoTarget::Position | ServoTarget::Velocity => servo.kv as f32,
+    }
+}
+
+/// A damping so strong that a joint reaches its velocity within a substep.
+const STOPPING_DAMPING: f32 = 1e12;
 
 /// A motor whose gains are forces; by default Rapier's are accelerations.
 const FORCE_BASED_MOTOR: JointMotor = JointMotor {
@@ -175,7 +190,6 @@ fn spring(joint: &Joint) -> Option<Effect> {
 /// Dry friction: a damper so strong that it stops the joint within a substep, whose force is
 /// limited to the friction.
 fn friction(joint: &Joint) -> Option<Effect> {
-    const STOPPING_DAMPING: f32 = 1e12;
     let max_force = joint.passive_forces.frictionloss as f32;
     (max_force > 0.0).then_some(Effect::Motor(JointMotor {
         damping: STOPPING_DAMPING,

@@ -728,3 +728,32 @@ fn a_motion_that_cannot_be_computed_is_not_finite() {
         );
     }
 }
+
+/// A motor of at most 0.4 N m at half its control accelerates the wheel by 0.5 × 0.4 / 0.1 = 2 rad/s² up
+/// to 3 rad/s, which it keeps; against the direction of motion it brakes with the force of its control,
+/// and without control it does nothing.
+#[test]
+fn a_speed_motor_drives_to_its_speed_with_the_force_of_its_control() {
+    let motor = r#"(name: "motor", type: SpeedMotor(joint: "axle", speed: 3.0, max_force: 0.4), control: Continuous(-1.0, 1.0))"#;
+    let with_contacts = wheel("", motor);
+    let mut without_contacts = with_contacts.clone();
+    without_contacts.colliders.clear();
+    for task in [with_contacts, without_contacts] {
+        let mut wheel = bodies(&task);
+        wheel.start(0, &[0.0], &[0.0]);
+        let mut speed_after = |control: f32, steps: u32| {
+            (0..steps).for_each(|_| wheel.step(&[control]));
+            coordinate(&*wheel, 0).1
+        };
+        let speeds = [
+            speed_after(0.5, 100),
+            speed_after(0.5, 100),
+            speed_after(0.0, 50),
+            speed_after(-0.25, 100),
+            speed_after(-1.0, 200),
+        ];
+        for (speed, expected) in speeds.into_iter().zip([2.0, 3.0, 3.0, 2.0, -3.0]) {
+            assert!((speed - expected).abs() < 2e-3, "{speeds:?}");
+        }
+    }
+}

@@ -80,6 +80,7 @@ const UNKNOWN_WORDS: &[(&str, &str)] = &[
     ("JointForce(\"wire\")", "Zzz(\"wire\")"),
     ("JointForce(\"wire\")", "VelocityServo(zzz: 1)"),
     ("JointForce(\"wire\")", "PositionServo(zzz: 1)"),
+    ("JointForce(\"wire\")", "SpeedMotor(zzz: 1)"),
     ("JointForce(\"wire\")", "BodyForce(zzz: 1)"),
     ("Continuous(-1.0, 1.0)", "Zzz(1)"),
     ("JointPosition(\"wire\")", "BodyPosition(zzz: 1)"),

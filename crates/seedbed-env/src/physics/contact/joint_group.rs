@@ -7,6 +7,7 @@ use rapier2d::prelude::{
     SpringCoefficients,
 };
 
+use super::super::constraint::velocity_gain;
 use super::super::vector;
 use crate::description::{BodyTask, Drive, Joint, Servo, Softness};
 use crate::kinematics::{KinematicTree, Link as TreeLink, Motion};
@@ -154,7 +155,7 @@ fn set_servo(servo: Option<&Servo>, coordinate: RapierCoordinate, joint: &mut Ge
     let Some(servo) = servo else { return };
     let axis = coordinate.axis;
     joint.set_motor_model(axis, MotorModel::ForceBased);
-    joint.set_motor(axis, 0.0, 0.0, servo.kp as f32, servo.kv as f32);
+    joint.set_motor(axis, 0.0, 0.0, servo.kp as f32, velocity_gain(servo));
     let max_force = servo.force_limit.map_or(f32::MAX, |force| force as f32);
     joint.set_motor_max_force(axis, max_force);
 }

@@ -109,6 +109,10 @@ impl Link {
         match target {
             ServoTarget::Position => motor.target_pos = sign * value,
             ServoTarget::Velocity => motor.target_vel = sign * value,
+            ServoTarget::Speed { speed, max_force } => {
+                motor.target_vel = sign * value.signum() * speed as f32;
+                motor.max_force = value.abs() * max_force as f32;
+            }
         }
     }
 
