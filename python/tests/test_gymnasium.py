@@ -298,3 +298,19 @@ def test_a_wrong_start_is_refused(options: dict[str, dict[str, float]], message:
     environment = seedbed.make("cartpole")
     with pytest.raises(ValueError, match=re.escape(message)):
         environment.reset(seed=0, options=options)
+
+
+def test_a_task_without_actuators_moves(tmp_path: Path) -> None:
+    file = tmp_path / "falling.ron"
+    file.write_text(
+        """Environment(
+            description: "A ball falls.", gravity: (0.0, -10.0), control_step: 0.1, time_limit: 9,
+            bodies: [(name: "ball", mass: 1.0, geoms: [Ball(radius: 0.1)])],
+            actuators: [], sensors: [(name: "v", type: JointVelocity("ball.y"))],
+            observations: [(name: "v", range: (-9.0, 0.0))], reward: "0",
+        )"""
+    )
+    environment = seedbed.make(file)
+    environment.reset(seed=0)
+    observation = environment.step(environment.action_space.sample())[0]
+    assert observation == pytest.approx([-1.0], rel=1e-4)

@@ -107,6 +107,8 @@ impl ActionReader {
             only_copy,
         };
         match self.layout {
+            // A task without actuators has nothing to read.
+            _ if count == 0 => Ok(()),
             Layout::Index => self.read_columns(actions, 0..1, place(0)),
             Layout::Array => self.read_columns(actions, 0..count, place(count)),
             Layout::Named => self.read_named(actions, only_copy),
