@@ -80,6 +80,31 @@ fn a_rope_holds_a_falling_ball() {
     assert!((1.0..1.01).contains(&longest), "{longest} m");
 }
 
+/// A ball with two slides on a rope under a cup with two slides that is held by strong springs: the ball
+/// swings like a pendulum, whose period is 2 π √(L / g), and its weight pulls the cup down.
+#[test]
+fn a_rope_between_bodies_with_joints_is_a_pendulum() {
+    let fields = r#"solver: (iterations: 4, searches: 4),
+        bodies: [(name: "cup", mass: 1.0, inertia: 0.1), (name: "ball", position: (0.0, -1.0), mass: 0.2, inertia: 0.001)],
+        joints: [
+            (name: "cup_x", parent: "world", child: "cup", type: Slide(axis: (1.0, 0.0)), stiffness: 1e5, damping: 50.0),
+            (name: "cup_y", parent: "world", child: "cup", type: Slide(axis: (0.0, 1.0)), stiffness: 1e5, damping: 50.0),
+            (name: "ball_x", parent: "world", child: "ball", type: Slide(axis: (1.0, 0.0))),
+            (name: "ball_y", parent: "world", child: "ball", type: Slide(axis: (0.0, 1.0))),
+        ],
+        ropes: [(name: "rope", from: (body: "cup"), to: (body: "ball"), length: 1.0)],
+        sensors: [(name: "x", type: JointPosition("ball_x")), (name: "y", type: JointPosition("ball_y")), (name: "cup", type: JointPosition("cup_y"))],
+        observations: [(name: "x", range: (-1.0, 1.0)), (name: "y", range: (-1.0, 1.0)), (name: "cup", range: (-1.0, 1.0))],"#;
+    let mut ball = started(fields, &at(&[0.0, 0.0, 0.05, 0.0]));
+    run(&mut *ball, 0.5 * TAU * (1.0 / 9.8_f64).sqrt());
+    let [x, y, cup] = ball.observations()[..3] else {
+        panic!("three observations")
+    };
+    assert!((x + 0.05).abs() < 3e-3 && y.abs() < 5e-3, "{x} m, {y} m");
+    let expected = -1.2 * 9.8 / 1e5;
+    assert!((cup / expected - 1.0).abs() < 0.2, "{cup} m, {expected} m");
+}
+
 /// The equation m v̇ = m g − ½ ρ A v² has the solution v = u tanh(g t / u), u = √(2 m g / (ρ A)).
 /// Here A = 0.5 m × 0.2 m is the face below.
 #[test]

@@ -5,7 +5,7 @@ use rapier2d::prelude::{
     CoefficientCombineRule, Collider, ColliderBuilder, ColliderHandle, ColliderSet, Group,
     ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode, MassProperties,
     MultibodyIndex, MultibodyJointSet, Pose, RigidBody, RigidBodyBuilder, RigidBodyHandle,
-    RigidBodySet, RopeJointBuilder, Vector,
+    RigidBodySet, Vector,
 };
 
 use super::super::geometry::{PlacedShape, TOLERANCE};
@@ -13,6 +13,7 @@ use super::super::vector;
 use super::fluid::FluidBody;
 use super::joint_group::{JointGroup, contact_spring};
 use super::link::{ControlInput, Link, Root};
+use super::rope::Rope;
 use crate::description::{self, Body, BodyTask, Joint};
 use crate::kinematics::KinematicTree;
 
@@ -25,7 +26,8 @@ pub(super) struct WorldTemplate {
     pub(super) bodies: RigidBodySet,
     pub(super) colliders: ColliderSet,
     pub(super) multibody_joints: MultibodyJointSet,
-    pub(super) ropes: ImpulseJointSet,
+    pub(super) impulse_joints: ImpulseJointSet,
+    pub(super) ropes: Vec<Rope>,
     pub(super) multibodies: Vec<MultibodyIndex>,
     /// `[bodies]`
     pub(super) handles: Vec<RigidBodyHandle>,
@@ -54,7 +56,8 @@ impl WorldTemplate {
         let (colliders, collider_handles) = colliders(task, &handles, &mut bodies);
         let mut joints = MultibodyJointSet::new();
         let links = insert_links(task, tree, &handles, &mut bodies, &mut joints);
-        let ropes = insert_ropes(task, &handles, &mut bodies);
+        let mut impulse_joints = ImpulseJointSet::new();
+        let ropes = Rope::insert_all(task, &handles, &mut bodies, &mut impulse_joints);
         let multibodies = multibody_indices(&handles, &joints);
         remove_default_damping(&multibodies, &bodies, &mut joints);
         links
@@ -76,6 +79,7 @@ impl WorldTemplate {
             fluid_bodies: FluidBody::all(task),
             multibodies,
             multibody_joints: joints,
+            impulse_joints,
             ropes,
             bodies,
             colliders,
@@ -195,30 +199,6 @@ fn insert_links(
     }
     links.sort_by_key(|(index, _)| *index);
     links.into_iter().map(|(_, link)| link).collect()
-}
-
-/// Inserts the ropes.
-fn insert_ropes(
-    task: &BodyTask,
-    handles: &[RigidBodyHandle],
-    bodies: &mut RigidBodySet,
-) -> ImpulseJointSet {
-    let mut joints = ImpulseJointSet::new();
-    for rope in &task.ropes {
-        let ends = rope.ends.map(|end| match end.body {
-            Some(body) => {
-                let com = task.bodies[body].inertial.com;
-                (handles[body], vector(end.at) - vector(com))
-            }
-            None => (bodies.insert(RigidBodyBuilder::fixed()), vector(end.at)),
-        });
-        let joint = RopeJointBuilder::new(rope.length as f32)
-            .local_anchor1(ends[0].1)
-            .local_anchor2(ends[1].1)
-            .build();
-        joints.insert(ends[0].0, ends[1].0, joint, false);
-    }
-    joints
 }
 
 fn root(body: usize, task: &BodyTask) -> Root {

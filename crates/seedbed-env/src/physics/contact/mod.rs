@@ -9,6 +9,7 @@ mod build;
 mod fluid;
 mod joint_group;
 mod link;
+mod rope;
 mod world;
 
 use self::build::WorldTemplate;

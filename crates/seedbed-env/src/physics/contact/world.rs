@@ -38,7 +38,7 @@ impl World {
         world.bodies = template.bodies.clone();
         world.colliders = template.colliders.clone();
         world.multibody_joints = template.multibody_joints.clone();
-        world.impulse_joints = template.ropes.clone();
+        world.impulse_joints = template.impulse_joints.clone();
         Self {
             simulation: world,
             terrains: Vec::new(),
@@ -90,7 +90,9 @@ impl World {
         self.simulation
             .multibody_joints
             .clone_from(&template.multibody_joints);
-        self.simulation.impulse_joints.clone_from(&template.ropes);
+        self.simulation
+            .impulse_joints
+            .clone_from(&template.impulse_joints);
         self.simulation.islands = IslandManager::new();
         self.simulation.broad_phase = BroadPhaseBvh::new();
         self.simulation.narrow_phase = NarrowPhase::new();
@@ -196,6 +198,9 @@ impl World {
                 &mut self.simulation.bodies,
                 &mut self.simulation.multibody_joints,
             );
+        }
+        for rope in &template.ropes {
+            rope.turn(&self.simulation.bodies, &mut self.simulation.impulse_joints);
         }
         for fluid_body in &template.fluid_bodies {
             fluid_body.resist(&mut self.simulation.bodies[template.handles[fluid_body.body]]);
