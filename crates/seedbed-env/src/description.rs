@@ -91,6 +91,8 @@ pub struct BodyTask {
     /// Where episodes start. Coordinates that are not mentioned start at rest at the reference
     /// poses.
     pub reset: Vec<StartCoordinate>,
+    /// Formula over sensors and drawn numbers that is true for starts that are drawn again.
+    pub redrawn_while: Program,
     /// The task's analytic model, if it has one.
     pub analytic_model: Option<AnalyticModel>,
 }

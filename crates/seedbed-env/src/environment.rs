@@ -74,6 +74,9 @@ fn no_analytic_model(origin: &str) -> InputError {
     }
 }
 
+/// How often a start state is drawn again at most.
+const MAX_REDRAWS: u32 = 1000;
+
 /// M copies of a task of rigid bodies.
 struct BodyEnvironment {
     task: BodyTask,
@@ -89,6 +92,8 @@ struct BodyEnvironment {
     /// The reward, if it is the same in every step: it is then not computed.
     constant_reward: Option<f32>,
     terminated: Evaluator,
+    /// Formula that is true for start states that are drawn again; `None` if it never is.
+    redrawn_while: Option<Evaluator>,
     /// Whether the reward or the termination reads values before the step.
     reads_previous: bool,
     episodes: EpisodeStates,
@@ -149,6 +154,8 @@ impl BodyEnvironment {
             reward: Evaluator::new(&formulas.reward, copies),
             constant_reward: formulas.reward.constant(),
             terminated: Evaluator::new(&formulas.terminated, copies),
+            redrawn_while: (task.redrawn_while.constant() != Some(0.0))
+                .then(|| Evaluator::new(&task.redrawn_while, copies)),
             reads_previous: formulas.reward.reads(&previous_columns)
                 || formulas.terminated.reads(&previous_columns),
             episodes: EpisodeStates::new(copies, columns.observation_count),
@@ -173,16 +180,14 @@ impl Environment for BodyEnvironment {
     }
 
     fn reset(&mut self, copy: usize, random: &mut Stream) {
-        let [positions, velocities] = &mut self.start;
-        for start in &self.task.reset {
-            positions[start.coordinate] = start.position.draw(random);
-            velocities[start.coordinate] = start.velocity.draw(random);
+        self.draw_start(copy, random);
+        if self.redrawn_while.is_some() {
+            let mut redraws = 0;
+            while redraws < MAX_REDRAWS && self.is_redrawn(copy) {
+                self.draw_start(copy, random);
+                redraws += 1;
+            }
         }
-        self.draw_episode_numbers(copy, random);
-        self.draw_terrains(copy, random);
-        let [positions, velocities] = &self.start;
-        self.dynamics.start(copy, positions, velocities);
-        self.start_episode(copy);
     }
 
     fn start_names(&self) -> StartNames {
@@ -364,6 +369,28 @@ impl BodyEnvironment {
             }
         }
         Ok(())
+    }
+
+    /// Begins an episode in a start state that is drawn from `random`.
+    fn draw_start(&mut self, copy: usize, random: &mut Stream) {
+        let [positions, velocities] = &mut self.start;
+        for start in &self.task.reset {
+            positions[start.coordinate] = start.position.draw(random);
+            velocities[start.coordinate] = start.velocity.draw(random);
+        }
+        self.draw_episode_numbers(copy, random);
+        self.draw_terrains(copy, random);
+        let [positions, velocities] = &self.start;
+        self.dynamics.start(copy, positions, velocities);
+        self.start_episode(copy);
+    }
+
+    /// Whether the start state of a copy has to be drawn again.
+    fn is_redrawn(&mut self, copy: usize) -> bool {
+        let Some(formula) = &mut self.redrawn_while else {
+            return false;
+        };
+        formula.evaluate(self.table.view(), copy..copy + 1)[0] != 0.0
     }
 
     /// Draws the numbers of the episode that begins, in their order in the file.

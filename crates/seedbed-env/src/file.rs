@@ -118,6 +118,10 @@ pub struct TaskFile {
     /// where the file puts them.
     #[serde(default, deserialize_with = "short_list")]
     pub reset: Vec<StartCoordinate>,
+    /// Formula over sensors and drawn numbers: a start is drawn again while it is true, at most 1000
+    /// times.
+    #[serde(default = "never")]
+    pub redrawn_while: Located<String>,
     /// The task's analytic model.
     #[serde(default)]
     pub analytic: Option<AnalyticModel>,

@@ -88,6 +88,7 @@ impl<'a> Resolver<'a> {
             markers: self.markers()?,
             formulas: self.formulas()?,
             reset: self.start_coordinates()?,
+            redrawn_while: formula(&file.redrawn_while, Type::Boolean, &self.state_variables())?,
             analytic_model: self.analytic_model()?,
         };
         // Callers without a run, such as a check, see the task of run seed 0.

@@ -237,3 +237,37 @@ fn numbers_of_steps_follow_from_the_reset() {
     (0..4).for_each(|_| again.step(&[]));
     assert_eq!(again.rewards()[0], environment.rewards()[0]);
 }
+
+/// A bead that starts anywhere but near the target, which is drawn as well.
+fn distant_bead(redrawn_while: &str) -> Box<dyn Environment> {
+    let text = format!(
+        r#"Environment(
+            description: "A bead.", gravity: (0.0, 0.0), control_step: 0.1, time_limit: 50,
+            drawn_per_episode: [(name: "target", value: Uniform(-1.0, 1.0))],
+            bodies: [(name: "bead", mass: 2.0, inertia: 1.0)],
+            joints: [(name: "wire", parent: "world", child: "bead", type: Slide(axis: (1.0, 0.0)))],
+            actuators: [], sensors: [(name: "x", type: JointPosition("wire"))],
+            observations: [(name: "distance", value: "abs(target - x)", range: (0.0, 2.0))],
+            reset: [(joint: "wire", position: Uniform(-1.0, 1.0))], reward: "0",
+            redrawn_while: "{redrawn_while}",
+        )"#
+    );
+    let task = parse("bead", "bead", text).unwrap_or_else(|error| panic!("{error}"));
+    build(&task, Physics::Rapier, 1).unwrap()
+}
+
+/// The distance of two uniform numbers in (−1, 1) is more than 1 with probability 1/4.
+#[test]
+fn starts_are_drawn_again_while_the_formula_is_true() {
+    for (formula, share) in [("false", 0.25), ("abs(target - x) < 1", 1.0)] {
+        let (mut environment, mut random) = (distant_bead(formula), resets());
+        let mut distant = 0;
+        for _ in 0..400 {
+            environment.reset(0, &mut random);
+            distant += u32::from(environment.observations()[0] > 1.0);
+        }
+        let found = f64::from(distant) / 400.0;
+        assert!((found - share).abs() < 0.1, "{formula}: {found}");
+    }
+    distant_bead("true").reset(0, &mut resets());
+}
