@@ -472,8 +472,8 @@ impl BodyTask {
     }
 
     /// Whether each copy of the task needs a physics world of its own, because bodies can touch,
-    /// are free, are pushed directly, have several joints, or move through a fluid. Copies of other
-    /// tasks share a world.
+    /// are free, are pushed directly, have several joints, or move through a fluid, or because of
+    /// joints that need the coordinates of multibodies. Copies of other tasks share a world.
     #[must_use]
     pub fn needs_own_worlds(&self) -> bool {
         let drives = self
@@ -488,7 +488,33 @@ impl BodyTask {
             || !self.free_bodies.is_empty()
             || !self.ropes.is_empty()
             || self.fluid.is_some()
-            || (1..self.joints.len()).any(|joint| self.first_joint_of_child(joint) != joint)
+            || (0..self.joints.len()).any(|joint| self.needs_multibody(joint))
+    }
+
+    /// Whether a joint needs the coordinates of a multibody: it shares its child with another joint,
+    /// has an armature that cannot be added to the child's own mass or inertia, because other joints
+    /// move the child along the coordinate as well, or is a hinge whose range has soft ends, which
+    /// yield too far without multibodies.
+    fn needs_multibody(&self, index: usize) -> bool {
+        let joint = &self.joints[index];
+        let is_hinge = |joint: &Joint| matches!(joint.kind, JointKind::Hinge { .. });
+        let mut joints_above =
+            std::iter::successors(self.joint_above(joint), |joint| self.joint_above(joint));
+        let has_rotor = joint.passive_forces.armature > 0.0;
+        let moves_with_others = match joint.kind {
+            JointKind::Hinge { .. } => joints_above.any(is_hinge),
+            JointKind::Slide { .. } => joints_above.any(|joint| joint.kind != JointKind::Weld),
+            JointKind::Weld => false,
+        };
+        self.first_joint_of_child(index) != index
+            || (has_rotor && moves_with_others)
+            || (is_hinge(joint) && joint.range_softness.is_some())
+    }
+
+    /// The joint that holds the parent of a joint, if it has one.
+    fn joint_above(&self, joint: &Joint) -> Option<&Joint> {
+        let parent = joint.parent?;
+        self.joints.iter().find(|other| other.child == parent)
     }
 
     /// Index of the first joint whose child is that of the joint with this index.

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::resolve::{Resolver, find_index, formula};
 use super::{Distribution, Force, ForceFrame, Joint, JointKind, StartCoordinate, Vector};
-use crate::description::{self, BodyTask, Drive, PassiveForces};
+use crate::description::{self, Drive, PassiveForces};
 use crate::expression::Type;
 use crate::input::numbers::{FiniteNumber, NonNegative};
 use crate::input::{Located, ValidationError};
@@ -66,50 +66,6 @@ impl Joint {
 }
 
 impl Resolver<'_> {
-    /// Without contacts, an armature is added to the child's own mass or inertia. This is exact
-    /// only where nothing but this joint moves the child along the coordinate. With contacts,
-    /// Rapier's multibody joints have armatures of their own.
-    pub(super) fn check_armatures(&self, task: &BodyTask) -> Result<(), ValidationError> {
-        if task.needs_own_worlds() {
-            return Ok(());
-        }
-        for joint in &self.file.joints {
-            self.check_armature(joint)?;
-        }
-        Ok(())
-    }
-
-    fn check_armature(&self, joint: &Joint) -> Result<(), ValidationError> {
-        let Some(armature) = &joint.armature else {
-            return Ok(());
-        };
-        let joint_above = |body: &str| {
-            let mut joints = self.file.joints.iter();
-            joints.find(|other| other.child.as_str() == body)
-        };
-        let mut kinds_above = std::iter::successors(joint_above(&joint.parent), |other| {
-            joint_above(&other.parent)
-        })
-        .map(|other| *other.kind);
-        match *joint.kind {
-            JointKind::Hinge { .. }
-                if kinds_above.any(|kind| matches!(kind, JointKind::Hinge { .. })) =>
-            {
-                Err(armature.error(
-                    "without contacts, `armature` is supported only on hinges whose parent does \
-                     not turn",
-                ))
-            }
-            JointKind::Slide { .. } if kinds_above.any(|kind| kind != JointKind::Weld) => {
-                Err(armature.error(
-                    "without contacts, `armature` is supported only on slides whose parent does \
-                     not move",
-                ))
-            }
-            _ => Ok(()),
-        }
-    }
-
     /// Index of the joint with this name.
     pub(super) fn find_joint(&self, name: &Located<String>) -> Result<usize, ValidationError> {
         let joints = self.file.joints.iter();

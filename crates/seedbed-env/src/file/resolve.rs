@@ -94,7 +94,6 @@ impl<'a> Resolver<'a> {
         // Callers without a run, such as a check, see the task of run seed 0.
         let task = task.for_run(0);
         self.check_servos(&task)?;
-        self.check_armatures(&task)?;
         self.check_analytic_model(&task)?;
         Ok(task)
     }

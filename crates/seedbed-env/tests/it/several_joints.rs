@@ -222,3 +222,48 @@ fn forces_along_coordinates_of_a_free_body_act_at_its_origin() {
         "{rates:?}"
     );
 }
+
+/// Two bodies in a chain that turn about their centers of mass at the same point, so that only the
+/// rotations couple: with rotors a₁, a₂ the mass matrix is [[I₁ + I₂ + a₁, I₂], [I₂, I₂ + a₂]]. A torque τ
+/// of the second joint accelerates it by τ (I₁ + I₂ + a₁) / det, and the first by −τ I₂ / det.
+#[test]
+fn an_armature_below_another_hinge_is_that_of_its_joint() {
+    let chain = task(
+        "(0.0, 0.0)",
+        r#"bodies: [(name: "first", mass: 1.0, inertia: 0.3), (name: "second", mass: 1.0, inertia: 0.2)],
+        joints: [
+            (name: "a", parent: "world", child: "first", type: Hinge(), armature: 0.1),
+            (name: "b", parent: "first", child: "second", type: Hinge(), armature: 0.5),
+        ],
+        actuators: [(name: "torque", type: JointForce("b"), control: Continuous(-9.0, 9.0))],"#,
+    );
+    let moved = moved(&chain, [&[0.0; 2], &[0.0; 2]], &[1.5], 1.0);
+    let determinant = 0.6 * 0.7 - 0.2 * 0.2;
+    let expected = [-1.5 * 0.2 / determinant, 1.5 * 0.6 / determinant];
+    for (index, expected) in expected.into_iter().enumerate() {
+        let (_, velocity) = coordinate(&*moved, index);
+        assert!(
+            (velocity / expected - 1.0).abs() < 1e-3,
+            "{velocity}, {expected}"
+        );
+    }
+}
+
+/// A soft end of a hinge's range yields under a lasting torque by its acceleration over ω².
+#[test]
+fn a_soft_end_of_a_hinge_holds() {
+    let wheel = task(
+        "(0.0, 0.0)",
+        r#"bodies: [(name: "wheel", mass: 1.0, inertia: 0.5)],
+        joints: [(name: "axle", parent: "world", child: "wheel", type: Hinge(), range: (-1.0, 1.0),
+            range_softness: (natural_frequency: 8.0, damping_ratio: 1.0))],
+        actuators: [(name: "torque", type: JointForce("axle"), control: Continuous(-999.0, 999.0))],"#,
+    );
+    let pressed = moved(&wheel, [&[0.9], &[0.0]], &[60.0], 2.0);
+    let expected = 1.0 + 60.0 / 0.5 / (TAU * 8.0).powi(2);
+    let (angle, _) = coordinate(&*pressed, 0);
+    assert!(
+        (angle - expected).abs() < 0.01,
+        "{angle} rad, {expected} rad"
+    );
+}
