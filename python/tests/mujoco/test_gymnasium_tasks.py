@@ -233,7 +233,7 @@ MOTIONS = [
     Motion(case_of("gym_swimmer"), 50, 0.05),
     Motion(case_of("gym_hopper"), 50, 0.01),
     Motion(case_of("gym_walker2d"), 10, 0.05),
-    Motion(case_of("gym_half_cheetah"), 10, 0.05),
+    Motion(case_of("gym_half_cheetah"), 10, 0.15),
 ]
 
 
