@@ -48,7 +48,7 @@ pub struct CheckpointError {
 
 const FORMAT: Format = Format {
     kind: *b"ckpt",
-    version: 11,
+    version: 12,
 };
 
 impl CheckpointWriter {
