@@ -83,6 +83,39 @@ def test_bodies_far_away_are_in_the_picture(tmp_path: Path):
     assert center(picture, AGENT)[0] > 400
 
 
+GROUND = np.array([95, 95, 105])
+"""Color of the ground."""
+
+BALL_ABOVE_GROUND = """Environment(
+    description: "A ball above level ground, whose height is drawn.", gravity: (0.0, 0.0), control_step: 0.02, time_limit: 20,
+    solver: (iterations: 4, searches: 2),
+    drawn_per_episode: [(name: "level", value: Uniform(-1.0, 0.0))],
+    colliders: [(name: "ground", geom: Terrain(from: -1.0, spacing: 0.5, points: 5, height: "level"))],
+    bodies: [(name: "ball", position: (0.0, 1.0), mass: 1.0, colliders: [(name: "skin", geom: Ball(radius: 0.2))])],
+    actuators: [(name: "push", type: JointForce("ball.x"), control: Continuous(-1.0, 1.0), unit: "N")],
+    sensors: [(name: "x", type: JointPosition("ball.x"))],
+    observations: [(name: "x", unit: "m", range: (-1.0, 1.0)), (name: "level", unit: "m", range: (-1.0, 0.0))],
+    reward: "0",
+)"""
+
+
+def test_the_ground_of_the_episode_is_drawn(tmp_path: Path):
+    """The lower the ground is, the further below the ball it is in the picture."""
+    path = tmp_path / "ball.ron"
+    path.write_text(BALL_ABOVE_GROUND)
+    environment = seedbed.make(path, render_mode="rgb_array")
+    levels, distances = [], []
+    for seed in range(6):
+        (_, level), _ = environment.reset(seed=seed)
+        picture = environment.render()
+        assert picture is not None
+        levels.append(level)
+        distances.append(center(picture, GROUND)[1] - center(picture, AGENT)[1])
+    assert np.ptp(levels) > 0.3
+    assert list(np.argsort(levels)) == list(np.argsort(distances)[::-1])
+    assert min(distances) > 50
+
+
 def test_metadata():
     assert seedbed.make("cartpole").metadata == {"render_modes": ["rgb_array"], "render_fps": 50}
     assert seedbed.make("pendulum").metadata["render_fps"] == 20

@@ -35,6 +35,8 @@ pub(super) struct FilmData {
     ranges: [[f64; 2]; 3],
     /// Levels of x, y and angle of each body, per episode: `[episodes]` of `[3 × bodies]`.
     poses: Vec<Vec<String>>,
+    /// Lines of the ground, m, per episode: `[episodes]` of `[lines]` of `[points]`.
+    terrain: Vec<Vec<Vec<[f32; 2]>>>,
 }
 
 #[derive(Debug, Serialize)]
@@ -72,9 +74,9 @@ impl Filmed {
             episodes.extend(recorded.into_iter().map(|scene| (agent, scene)));
         }
         let episodes = evenly_spaced(episodes, MAX_EPISODES);
-        let bounds = episodes
-            .iter()
-            .filter_map(|(_, recorded)| framing::episode_bounds(scene, &recorded.poses));
+        let bounds = episodes.iter().filter_map(|(_, recorded)| {
+            framing::episode_bounds(scene, &recorded.poses, &recorded.terrain)
+        });
         Ok(bounds.reduce(framing::union).map(|bounds| Self {
             scene: scene.clone(),
             bounds,
@@ -110,6 +112,11 @@ impl Filmed {
                         .flat_map(|body| levels_of_body(recorded, body))
                         .collect()
                 })
+                .collect(),
+            terrain: self
+                .episodes
+                .iter()
+                .map(|(_, recorded)| recorded.terrain.clone())
                 .collect(),
         }
     }

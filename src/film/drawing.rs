@@ -6,18 +6,27 @@ use seedbed_figure::{Color, DrawnShape};
 
 use crate::record::outline::{outline, scene_point};
 
-/// The shapes of all bodies in one state.
-pub(super) fn shapes(scene: &Scene, poses: &[Pose], agent: u32) -> Vec<DrawnShape> {
+/// The shapes of all bodies in one state, on top of the lines of the ground of the episode.
+pub(super) fn shapes(
+    scene: &Scene,
+    poses: &[Pose],
+    terrain: &[Vec<[f32; 2]>],
+    agent: u32,
+) -> Vec<DrawnShape> {
     let camera = scene
         .tracked
         .map_or([0.0, 0.0], |body| [poses[body].x, -poses[body].y]);
     let mut moving_before = 0;
-    let mut drawn = Vec::new();
+    let ground = terrain
+        .iter()
+        .map(|line| drawn_shape(line, Some(0.0), Pose::default(), camera, MUTED_COLOR));
+    let mut drawn: Vec<_> = ground.collect();
     for (body, pose) in scene.bodies.iter().zip(poses) {
         let color = color(body, moving_before, agent);
         moving_before += u32::from(!body.is_fixed);
         for shape in &body.shapes {
-            drawn.push(drawn_shape(shape, *pose, camera, color));
+            let (points, thickness) = points_and_thickness(shape);
+            drawn.push(drawn_shape(&points, thickness, *pose, camera, color));
         }
     }
     drawn
@@ -43,15 +52,57 @@ pub(crate) fn points_and_thickness(shape: &Shape) -> (Vec<[f32; 2]>, Option<f32>
     }
 }
 
-fn drawn_shape(shape: &Shape, pose: Pose, camera: [f32; 2], color: Color) -> DrawnShape {
-    let (points, thickness) = points_and_thickness(shape);
-    let on_page = |point: [f32; 2]| {
-        let [x, y] = scene_point(point, pose);
+/// Draws points of the frame at `pose`. `thickness`: as in [`DrawnShape`].
+fn drawn_shape(
+    points: &[[f32; 2]],
+    thickness: Option<f32>,
+    pose: Pose,
+    camera: [f32; 2],
+    color: Color,
+) -> DrawnShape {
+    let on_page = |point: &[f32; 2]| {
+        let [x, y] = scene_point(*point, pose);
         [x - camera[0], y - camera[1]]
     };
     DrawnShape {
-        points: points.into_iter().map(on_page).collect(),
+        points: points.iter().map(on_page).collect(),
         color,
         thickness,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The camera follows a rod at (2, 1) above ground that slopes from 0.5 m to 0 m.
+    #[test]
+    fn the_ground_is_behind_the_bodies_and_moves_past_the_camera() {
+        let rod = Shape::Capsule {
+            from: [0.0, 0.0],
+            to: [0.0, 0.5],
+            radius: 0.1,
+        };
+        let scene = Scene {
+            bodies: vec![SceneBody {
+                name: "rod".to_owned(),
+                is_fixed: false,
+                shapes: vec![rod],
+                hinge: None,
+            }],
+            tracked: Some(0),
+        };
+        let pose = Pose {
+            x: 2.0,
+            y: 1.0,
+            angle: 0.0,
+        };
+        let drawn = shapes(&scene, &[pose], &[vec![[3.0, 0.0], [0.0, 0.5]]], 0);
+        let [ground, rod] = &drawn[..] else {
+            panic!("{drawn:?}");
+        };
+        assert_eq!(ground.points, [[1.0, 1.0], [-2.0, 0.5]]);
+        assert_eq!((ground.color, ground.thickness), (MUTED_COLOR, Some(0.0)));
+        assert_eq!(rod.points, [[0.0, 0.0], [0.0, -0.5]]);
     }
 }

@@ -323,7 +323,8 @@ impl Bodies {
         let recorded = filmed.recording.scenes(settings.agent, scene)?;
         let episodes = evenly_spaced(recorded, settings.scenes);
         let bounds = episodes.iter();
-        let bounds = bounds.filter_map(|episode| framing::episode_bounds(scene, &episode.poses));
+        let bounds = bounds
+            .filter_map(|episode| framing::episode_bounds(scene, &episode.poses, &episode.terrain));
         let Some(bounds) = bounds.reduce(framing::union) else {
             return Ok(None);
         };
@@ -361,7 +362,7 @@ impl Bodies {
                 "agent {}, recorded episode {}",
                 settings.agent, episode.episode
             ),
-            shapes: drawing::shapes(&self.scene, poses, settings.agent),
+            shapes: drawing::shapes(&self.scene, poses, &episode.terrain, settings.agent),
             bounds: self.bounds,
         }
     }

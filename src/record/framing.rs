@@ -10,29 +10,43 @@ pub(crate) type Bounds = [f32; 4];
 /// A line counts as endless if it is longer than this ratio times the size of all other parts.
 const ENDLESS_RATIO: f32 = 5.0;
 
-/// Bounds that contain all bodies during an episode. If a body is tracked, the bounds are relative
-/// to that body and contain only the moving bodies.
-pub(crate) fn episode_bounds(scene: &Scene, poses: &[Pose]) -> Option<Bounds> {
+/// Bounds that contain all bodies during an episode, and the ground near them. If a body is tracked,
+/// the bounds are relative to that body, and contain only the moving bodies and the ground near them.
+///
+/// `poses`: `[states × bodies]`; `terrain`: the lines of the ground in the world, m.
+pub(crate) fn episode_bounds(
+    scene: &Scene,
+    poses: &[Pose],
+    terrain: &[Vec<[f32; 2]>],
+) -> Option<Bounds> {
     let frames = || poses.chunks_exact(scene.bodies.len());
     let moving = frames()
         .filter_map(|frame| moving_bounds(scene, frame))
         .reduce(union)?;
-    match scene.tracked {
-        None => Some(bounds_of_fixed_and_moving_bodies(
-            moving,
-            &fixed_bounds(&scene.bodies, frames().next()?),
-            line_overhang(&scene.bodies),
-        )),
-        Some(_) => Some(with_margin(moving, 0.25 * extent(moving))),
+    if let Some(tracked) = scene.tracked {
+        let shown = frames()
+            .filter_map(|frame| {
+                tracked_ground(scene, frame, frame[tracked], extent(moving), terrain)
+            })
+            .fold(moving, union);
+        return Some(with_margin(shown, 0.25 * extent(shown)));
     }
+    Some(bounds_of_fixed_and_moving_bodies(
+        moving,
+        &fixed_bounds(&scene.bodies, frames().next()?),
+        line_overhang(&scene.bodies),
+        terrain,
+    ))
 }
 
 /// Bounds that contain the moving bodies, the fixed bodies, the nearest points of endless lines
-/// that are near, and space for a body at the end of a line.
+/// that are near, and space for a body at the end of a line. Of endless ground they contain what is
+/// near all other parts.
 fn bounds_of_fixed_and_moving_bodies(
     moving: Bounds,
     fixed_parts: &[(Bounds, bool)],
     line_overhang: f32,
+    terrain: &[Vec<[f32; 2]>],
 ) -> Bounds {
     let closed_bounds = fixed_parts
         .iter()
@@ -43,15 +57,26 @@ fn bounds_of_fixed_and_moving_bodies(
         .iter()
         .filter(|(_, is_line)| *is_line)
         .map(|(part, _)| *part);
-    let (endless, finite): (Vec<_>, Vec<_>) =
-        lines.partition(|line| extent(*line) > ENDLESS_RATIO * size);
+    let is_endless = |line: &Bounds| extent(*line) > ENDLESS_RATIO * size;
+    let (endless, finite): (Vec<_>, Vec<_>) = lines.partition(is_endless);
+    let ground = terrain.iter().filter_map(|line| {
+        let whole = bounds(line, Pose::default())?;
+        Some((line, whole))
+    });
+    let (endless_ground, finite_ground): (Vec<_>, Vec<_>) =
+        ground.partition(|(_, whole)| is_endless(whole));
     let with_finite_lines = finite
         .into_iter()
+        .chain(finite_ground.into_iter().map(|(_, whole)| whole))
         .map(|line| with_margin(line, line_overhang))
         .fold(closed_bounds, union);
     let all = endless.into_iter().fold(with_finite_lines, |all, line| {
         extended_to_nearest_point(all, line, size)
     });
+    let all = endless_ground
+        .into_iter()
+        .filter_map(|(line, _)| ground_near(line, all, size))
+        .fold(all, union);
     with_margin(all, 0.05 * extent(all))
 }
 
@@ -107,6 +132,57 @@ fn extended_to_nearest_point(
     }
 }
 
+/// Bounds of the ground near the moving bodies in one frame, relative to the tracked body at `camera`.
+fn tracked_ground(
+    scene: &Scene,
+    frame: &[Pose],
+    camera: Pose,
+    distance: f32,
+    terrain: &[Vec<[f32; 2]>],
+) -> Option<Bounds> {
+    if terrain.is_empty() {
+        return None;
+    }
+    let bodies = shifted(moving_bounds(scene, frame)?, [camera.x, -camera.y]);
+    let ground = terrain
+        .iter()
+        .filter_map(|line| ground_near(line, bodies, distance))
+        .reduce(union)?;
+    Some(shifted(ground, [-camera.x, camera.y]))
+}
+
+/// Bounds of the part of a line of the ground that is above or below `part`, up to `distance` away.
+fn ground_near(line: &[[f32; 2]], part: Bounds, distance: f32) -> Option<Bounds> {
+    let [left, right, top, bottom] = part;
+    let segments = line.windows(2);
+    let [from, to, highest, lowest] = segments
+        .filter_map(|ends| segment_within(ends[0], ends[1], [left, right]))
+        .reduce(union)?;
+    let (highest, lowest) = (highest.max(top - distance), lowest.min(bottom + distance));
+    (highest <= lowest).then_some([from, to, highest, lowest])
+}
+
+/// Bounds of the part of a segment that is between `left` and `right`.
+fn segment_within(one: [f32; 2], other: [f32; 2], [left, right]: [f32; 2]) -> Option<Bounds> {
+    let (from, to) = (
+        one[0].min(other[0]).max(left),
+        one[0].max(other[0]).min(right),
+    );
+    if from > to {
+        return None;
+    }
+    let width = other[0] - one[0];
+    let y = |x: f32| {
+        let share = if width == 0.0 {
+            0.0
+        } else {
+            (x - one[0]) / width
+        };
+        -(one[1] + share * (other[1] - one[1]))
+    };
+    Some([from, to, y(from).min(y(to)), y(from).max(y(to))])
+}
+
 /// Largest distance of a point of a body from its origin; `None` if the body has no shape.
 fn radius_about_origin(body: &SceneBody) -> Option<f32> {
     let thickness = |shape: &Shape| {
@@ -151,6 +227,10 @@ pub(crate) fn union(one: Bounds, other: Bounds) -> Bounds {
         one[2].min(other[2]),
         one[3].max(other[3]),
     ]
+}
+
+fn shifted([left, right, top, bottom]: Bounds, [x, y]: [f32; 2]) -> Bounds {
+    [left + x, right + x, top + y, bottom + y]
 }
 
 fn with_margin([left, right, top, bottom]: Bounds, margin: f32) -> Bounds {
@@ -215,13 +295,13 @@ mod tests {
         // walls are near enough. The bounds are 2 m plus 5 % on each side.
         let poses = [frame_with_ball_at(-0.5, 0.0), frame_with_ball_at(0.5, 0.0)].concat();
         assert_close(
-            episode_bounds(&ball_between_walls(), &poses),
+            episode_bounds(&ball_between_walls(), &poses, &[]),
             [-1.1, 1.1, -1.1, 1.1],
         );
         // A ball that does not move extends over 0.4 m, so that walls at a distance of 0.8 m are
         // too far. The bounds are 0.4 m plus 5 % on each side.
         assert_close(
-            episode_bounds(&ball_between_walls(), &frame_with_ball_at(0.0, 0.0)),
+            episode_bounds(&ball_between_walls(), &frame_with_ball_at(0.0, 0.0), &[]),
             [-0.22, 0.22, -0.22, 0.22],
         );
     }
@@ -255,7 +335,7 @@ mod tests {
         // The cart has a radius of 0.5 m and may be at either end of the rail: 6 m plus 5 % on each
         // side. The pole has a radius of 1 m.
         assert_close(
-            episode_bounds(&scene, &[Pose::default(); 3]),
+            episode_bounds(&scene, &[Pose::default(); 3], &[]),
             [-3.3, 3.3, -1.3, 1.3],
         );
     }
@@ -272,7 +352,7 @@ mod tests {
         ]
         .concat();
         // The bounds are 0.4 m, the size of the ball, plus a quarter of this size on each side.
-        assert_close(episode_bounds(&scene, &poses), [-0.3, 0.3, -0.3, 0.3]);
+        assert_close(episode_bounds(&scene, &poses, &[]), [-0.3, 0.3, -0.3, 0.3]);
     }
 
     #[test]
@@ -295,8 +375,57 @@ mod tests {
                     angle: 3.0,
                     ..Pose::default()
                 }],
+                &[],
             ),
             [-1.21, 1.21, -1.21, 1.21],
+        );
+    }
+
+    /// A ball with a radius of 0.2 m.
+    fn free_ball(tracked: Option<usize>) -> Scene {
+        let bodies = ball_between_walls().bodies.split_off(1);
+        Scene { bodies, tracked }
+    }
+
+    fn ball_at(x: f32, y: f32) -> Pose {
+        Pose { x, y, angle: 0.0 }
+    }
+
+    /// Ground that rises by 0.5 m per m, from right to left, `half_length` to both sides of x = 0.
+    fn slope(half_length: f32) -> Vec<Vec<[f32; 2]>> {
+        let ends = [half_length, -half_length].map(|x| [x, 0.5 * x]);
+        vec![vec![ends[0], [0.0, 0.0], ends[1]]]
+    }
+
+    #[test]
+    fn short_ground_is_shown_as_a_whole() {
+        // The ground is 2 m long and 1 m high. A ball at either end has a radius of 0.2 m: 2.4 m plus 5 % on
+        // each side.
+        assert_close(
+            episode_bounds(&free_ball(None), &[ball_at(0.0, 0.3)], &slope(1.0)),
+            [-1.32, 1.32, -0.82, 0.82],
+        );
+    }
+
+    #[test]
+    fn long_ground_is_shown_near_the_bodies() {
+        // Between x = −0.2 and x = 0.2 the ground rises from −0.1 to 0.1, below a ball that begins at a
+        // height of 0.1: 0.6 m plus 5 % on each side.
+        let shown = |y| episode_bounds(&free_ball(None), &[ball_at(0.0, y)], &slope(50.0));
+        assert_close(shown(0.3), [-0.23, 0.23, -0.53, 0.13]);
+        // From a ball that begins at 0.35, the ground down to −0.05 is not further than the 0.4 m of the ball.
+        assert_close(shown(0.55), [-0.24, 0.24, -0.79, 0.09]);
+        // From a ball that begins at 0.8, it is.
+        assert_close(shown(1.0), [-0.22, 0.22, -1.22, -0.78]);
+    }
+
+    #[test]
+    fn the_ground_is_shown_near_a_tracked_body() {
+        // The ground is 0.2 to 0.4 m below the ball at x = 10, and not near when the ball is in the air.
+        let poses = [ball_at(10.0, 5.3), ball_at(0.0, 5.3)];
+        assert_close(
+            episode_bounds(&free_ball(Some(0)), &poses, &slope(50.0)),
+            [-0.35, 0.35, -0.35, 0.55],
         );
     }
 }

@@ -145,7 +145,7 @@ impl RoundRecord<'_> {
     }
 }
 
-/// The poses of all bodies in each state of an episode, and the forces on them.
+/// The poses of all bodies in each state of an episode, the forces on them, and the ground.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BodyTrajectory {
     /// Number of the agent, from 0.
@@ -158,6 +158,9 @@ pub struct BodyTrajectory {
     pub forces: Vec<Force>,
     /// Number of forces that belong to each state: `[T+1]`
     pub forces_per_row: Vec<usize>,
+    /// The lines of the ground that is drawn anew in each episode, as points in the world, m: `[lines]`
+    /// of `[points]`
+    pub terrain: Vec<Vec<[f32; 2]>>,
 }
 
 /// One row of `episodes.csv`.

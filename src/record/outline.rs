@@ -1,7 +1,7 @@
-//! Outlines of shapes, in the frame of their body and in the scene. The y axis of a scene points
+//! Outlines of shapes, in the frame of their body and in the scene, and lines of the ground. The y axis of a scene points
 //! down, as in Rerun and in images.
 
-use seedbed_env::{Pose, Shape};
+use seedbed_env::{Environment, Pose, Shape};
 
 /// The outline of a shape. `None` for open lines, which are left out of traces.
 pub(crate) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
@@ -29,6 +29,16 @@ pub(crate) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
         Shape::Polygon(points) => Some(points.iter().chain(points.first()).copied().collect()),
         Shape::Polyline(_) => None,
     }
+}
+
+/// The lines of the ground that is drawn anew in each episode of `copy`, m: `[lines]` of `[points]`.
+/// Points whose height is not finite are left out.
+pub(crate) fn terrain_lines(environment: &dyn Environment, copy: usize) -> Vec<Vec<[f32; 2]>> {
+    let mut lines = environment.terrain(copy);
+    for line in &mut lines {
+        line.retain(|[x, y]| x.is_finite() && y.is_finite());
+    }
+    lines
 }
 
 /// The position in the scene of a point of a body.

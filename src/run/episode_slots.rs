@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
+use crate::record::outline::terrain_lines;
 use crate::record::{BodyTrajectory, SceneSettings};
 use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Environment, Pose, Status};
@@ -171,6 +172,7 @@ impl EpisodeSlot {
         self.body_trajectory = recorded.then(|| BodyTrajectory {
             agent: self.agent,
             episode,
+            terrain: terrain_lines(environment, self.copy),
             ..BodyTrajectory::default()
         });
         self.record_bodies(environment);

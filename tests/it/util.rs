@@ -84,6 +84,25 @@ pub(crate) fn small_run(folder: &Path, extra_arguments: &[&str]) -> Output {
         .expect("the binary runs")
 }
 
+/// A task of a ball in the air above ground that is 1 m long. `height`: the formula of the height of point
+/// `index`, which may read `bump`, a number from 0 to 0.1 that is drawn for each point.
+pub(crate) fn ball_above_ground(height: &str) -> String {
+    format!(
+        r#"Environment(
+            description: "A ball above ground.", gravity: (0.0, 0.0), control_step: 0.02, time_limit: 20,
+            solver: (iterations: 4, searches: 2),
+            colliders: [(name: "ground", geom: Terrain(
+                from: -0.5, spacing: 0.1, points: 11, drawn: [(name: "bump", value: Uniform(0.0, 0.1))], height: "{height}",
+            ))],
+            bodies: [(name: "ball", position: (0.0, 1.0), mass: 1.0, colliders: [(name: "skin", geom: Ball(radius: 0.2))])],
+            actuators: [(name: "push", type: JointForce("ball.x"), control: Continuous(-1.0, 1.0), unit: "N")],
+            sensors: [(name: "x", type: JointPosition("ball.x"))],
+            observations: [(name: "x", unit: "m", range: (-1.0, 1.0))],
+            reward: "0",
+        )"#
+    )
+}
+
 /// Names of those result files whose bytes differ between two run folders.
 pub(crate) fn differing_results(first: &Path, second: &Path) -> Vec<&'static str> {
     let read = |folder: &Path, name: &str| {

@@ -22,6 +22,7 @@ use super::picture;
 use super::start::{NamedNumbers, given_start, named_start};
 use super::threads::Threads;
 use crate::record::framing::Bounds;
+use crate::record::outline::terrain_lines;
 
 import_exception!(gymnasium.error, ResetNeeded);
 
@@ -342,7 +343,7 @@ impl Batch {
         numbers.into_pyarray(py).reshape([poses.len(), 3])
     }
 
-    /// A picture of the bodies of a copy (uint8, `[height, width, 3]`).
+    /// A picture of the bodies of a copy, and of the ground of its episode (uint8, `[height, width, 3]`).
     fn render<'py>(
         &mut self,
         py: Python<'py>,
@@ -362,10 +363,12 @@ impl Batch {
         let bounds = self.usual_bounds()?;
         let (group, copy) = self.locate(copy)?;
         let poses = group.poses(copy);
+        let terrain = terrain_lines(&*group.environment, copy);
         let scene = group.environment.scene();
         let scene = scene.ok_or_else(|| PyValueError::new_err("the task has no bodies to draw"))?;
-        let drawn =
-            py.detach(|| guarded(|| picture::draw(scene, &poses, bounds, [width, height])))?;
+        let drawn = py.detach(|| {
+            guarded(|| picture::draw(scene, &poses, &terrain, bounds, [width, height]))
+        })?;
         let pixels = drawn.map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
         let shape = [pixels.height as usize, pixels.width as usize, 3];
         pixels.rgb.into_pyarray(py).reshape(shape)

@@ -6,6 +6,7 @@ use seedbed_env::{Choice, Environment, Pose, Scene, Status, TaskSpec};
 use seedbed_figure::{Drawing, Figure, Panel, Pixels, PngError, Row};
 
 use crate::record::framing::{self, Bounds};
+use crate::record::outline::terrain_lines;
 
 #[path = "../../../src/film/drawing.rs"]
 mod drawing;
@@ -29,6 +30,8 @@ pub(super) fn usual_bounds(environment: &mut dyn Environment) -> Option<Bounds> 
     let spec = environment.spec().clone();
     let mut random = stream(0, Purpose::Preview, 0, 0);
     (0..SAMPLED_COPIES).for_each(|copy| environment.reset(copy, &mut random));
+    let lines = (0..SAMPLED_COPIES).map(|copy| terrain_lines(environment, copy));
+    let terrain: Vec<_> = lines.flatten().collect();
     let mut poses = Vec::new();
     append_poses(environment, &scene, &mut poses);
     for _ in 0..SAMPLED_STEPS {
@@ -38,7 +41,7 @@ pub(super) fn usual_bounds(environment: &mut dyn Environment) -> Option<Bounds> 
         environment.step(&random_actions(&spec, &mut random));
         append_poses(environment, &scene, &mut poses);
     }
-    framing::episode_bounds(&scene, &poses)
+    framing::episode_bounds(&scene, &poses, &terrain)
 }
 
 fn append_poses(environment: &dyn Environment, scene: &Scene, poses: &mut Vec<Pose>) {
@@ -63,19 +66,20 @@ fn random_actions(spec: &TaskSpec, random: &mut Stream) -> Vec<f32> {
     actions
 }
 
-/// Draws the bodies at `poses` (`[bodies]`) within `bounds`, which are extended if a body is outside.
-/// `size`: width and height in pixels.
+/// Draws the bodies at `poses` (`[bodies]`) and the ground `terrain` (`[lines]` of `[points]`) within
+/// `bounds`, which are extended if a body is outside. `size`: width and height in pixels.
 pub(super) fn draw(
     scene: &Scene,
     poses: &[Pose],
+    terrain: &[Vec<[f32; 2]>],
     bounds: Bounds,
     [width, height]: [u32; 2],
 ) -> Result<Pixels, PngError> {
-    let now = framing::episode_bounds(scene, poses);
+    let now = framing::episode_bounds(scene, poses, terrain);
     let is_finite = |bounds: &Bounds| bounds.iter().all(|number| number.is_finite());
     let drawing = Drawing {
         title: String::new(),
-        shapes: drawing::shapes(scene, poses, 0),
+        shapes: drawing::shapes(scene, poses, terrain, 0),
         bounds: now
             .filter(is_finite)
             .map_or(bounds, |now| framing::union(bounds, now)),

@@ -88,15 +88,16 @@ async function loadRun(data, axes) {
   return run;
 }
 
-/** The filmed states one after the other, with the poses of all bodies. */
+/** The filmed states one after the other, with the poses of all bodies and the ground of their episode. */
 async function loadFilm(run, data, axes) {
   const film = { ...data.film, states: [], levels: axes.map(() => []) };
   for (const [f, filmed] of data.filmed.entries()) {
     const e = findEpisode(run.episodes, filmed.agent, filmed.episode);
     const levels = await Promise.all(filmed.levels.map((text) => text && decode(text, filmed.states, 2)));
     const poses = await Promise.all(data.film.poses[f].map((text) => decode(text, filmed.states, 2)));
+    const terrain = data.film.terrain[f];
     for (let step = 0; step < filmed.states; step++) {
-      film.states.push({ e, agent: filmed.agent, episode: filmed.episode, step, poses });
+      film.states.push({ e, agent: filmed.agent, episode: filmed.episode, step, poses, terrain });
       axes.forEach((_, a) => film.levels[a].push(levels[a]?.[step] ?? run.episodeLevels[a]?.[e] ?? MISSING));
     }
   }

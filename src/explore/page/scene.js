@@ -1,5 +1,5 @@
 "use strict";
-/* The bodies of a filmed state. */
+/* The bodies of a filmed state, and the ground of its episode. */
 
 /** Draws the bodies in the state `s` of the film. */
 function drawScene(canvas, film, s, colors) {
@@ -12,15 +12,16 @@ function drawScene(canvas, film, s, colors) {
   const middle = [canvas.width / 2 - (scale * (left + right)) / 2, canvas.height / 2 - (scale * (top + bottom)) / 2];
   const poses = film.bodies.map((_, body) => poseOf(film, s, body));
   const camera = film.tracked === null ? { x: 0, y: 0 } : poses[film.tracked];
+  const inWorld = ([px, py]) => [middle[0] + scale * (px - camera.x), middle[1] - scale * (py - camera.y)];
+  for (const points of film.states[s].terrain) {
+    drawShape(context, { points, thickness: 0 }, inWorld, colors.muted, scale, ratio);
+  }
   let moving = 0;
   for (const [b, body] of film.bodies.entries()) {
     const { x, y, angle } = poses[b];
     const [sin, cos] = [Math.sin(angle), Math.cos(angle)];
     const color = body.fixed ? colors.muted : [colors.accent, colors.text][moving++ % 2];
-    const place = ([px, py]) => [
-      middle[0] + scale * (x + cos * px - sin * py - camera.x),
-      middle[1] - scale * (y + sin * px + cos * py - camera.y),
-    ];
+    const place = ([px, py]) => inWorld([x + cos * px - sin * py, y + sin * px + cos * py]);
     for (const shape of body.shapes) drawShape(context, shape, place, color, scale, ratio);
   }
 }

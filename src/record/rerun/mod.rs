@@ -31,6 +31,7 @@ mod scene;
 mod serve;
 mod shapes;
 mod sink;
+mod terrain;
 mod tiles;
 mod viewer_connection;
 mod writers;

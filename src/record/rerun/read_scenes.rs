@@ -9,6 +9,7 @@ use super::read::{Chunks, Recording};
 use super::rows::{ENV_STEP, EPISODE};
 use super::scene::body_entity;
 use super::shapes::pose_of;
+use super::terrain::{self, terrain_entity};
 use crate::record::{ReadError, RecordedScene};
 use seedbed_env::{Pose, Scene};
 
@@ -24,7 +25,9 @@ impl Recording {
     pub fn scenes(&self, agent: u32, scene: &Scene) -> Result<Vec<RecordedScene>, ReadError> {
         let bodies = scene.bodies.iter().map(|body| body_entity(agent, body));
         let bodies: Vec<EntityPath> = bodies.collect();
+        let terrain_entity = terrain_entity(agent);
         let mut episodes: BTreeMap<u32, Vec<Track>> = BTreeMap::new();
+        let mut terrains = BTreeMap::new();
         for chunk in Chunks::open(&self.path)? {
             let chunk = chunk?;
             if let Some(body) = bodies.iter().position(|path| path == chunk.entity_path()) {
@@ -33,11 +36,16 @@ impl Recording {
                     let tracks = tracks.or_insert_with(|| vec![Track::new(); bodies.len()]);
                     tracks[body].push((step, pose));
                 }
+            } else if *chunk.entity_path() == terrain_entity {
+                terrains.extend(terrain::read(&chunk));
             }
         }
         let scenes = episodes.into_iter();
         Ok(scenes
-            .filter_map(|(episode, tracks)| recorded_scene(episode, &tracks))
+            .filter_map(|(episode, tracks)| {
+                let terrain = terrains.remove(&episode).unwrap_or_default();
+                recorded_scene(episode, &tracks, terrain)
+            })
             .collect())
     }
 }
@@ -63,7 +71,11 @@ fn poses(chunk: &Chunk) -> Vec<(u32, i64, Pose)> {
 
 /// The poses of all bodies in each state. Bodies that did not move in the episode have only one
 /// pose. `None` if a body has none, in a file that ends within the episode.
-fn recorded_scene(episode: u32, tracks: &[Track]) -> Option<RecordedScene> {
+fn recorded_scene(
+    episode: u32,
+    tracks: &[Track],
+    terrain: Vec<Vec<[f32; 2]>>,
+) -> Option<RecordedScene> {
     let length = tracks.iter().map(Vec::len).max()?;
     let mut poses = Vec::with_capacity(length * tracks.len());
     for state in 0..length {
@@ -71,5 +83,9 @@ fn recorded_scene(episode: u32, tracks: &[Track]) -> Option<RecordedScene> {
             poses.push(track.get(state).or(track.last())?.1);
         }
     }
-    Some(RecordedScene { episode, poses })
+    Some(RecordedScene {
+        episode,
+        poses,
+        terrain,
+    })
 }

@@ -1,6 +1,7 @@
 //! `/scene/agent_K/…`: the bodies of an agent's environment, and the forces on them.
 //!
 //! `/scene/agent_K/bodies/NAME` has a body's shapes and its pose at each recorded step.
+//! `/scene/agent_K/terrain` has the ground of each episode (see [`terrain`](super::terrain)).
 //! `/scene/agent_K/camera` has the position of the body that the task tracks, if it tracks a body.
 //! `/scene/agent_K/forces/…` has arrows (see [`forces`](super::forces)). On the timelines `episode`
 //! and `round`, `/scene/agent_K/trace` shows a whole episode in one view, from dark (its start) to
@@ -14,6 +15,7 @@ use super::error::RecordingError;
 use super::forces::ForceWriter;
 use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, static_chunk};
 use super::shapes::{hinge, lines_and_discs, rotation_of, translation_of};
+use super::terrain::TerrainWriter;
 use crate::record::BodyTrajectory;
 use crate::record::framing::{Bounds, episode_bounds};
 use crate::record::outline::{outline, scene_point};
@@ -29,15 +31,16 @@ const STEPS_PER_CHUNK: usize = 2048;
 /// Name of the entity that the view follows if a body is tracked.
 const CAMERA: &str = "camera";
 
-const FIXED_COLOR: [u8; 3] = [120, 120, 130];
+pub(super) const FIXED_COLOR: [u8; 3] = [120, 120, 130];
 const ALTERNATE_COLOR: [u8; 3] = [225, 225, 232];
 
-/// Poses, traces and forces in the scene of one agent that are not written yet.
+/// Poses, ground, traces and forces in the scene of one agent that are not written yet.
 #[derive(Clone)]
 pub(super) struct SceneWriter {
     agent: u32,
     scene: Scene,
     tracks: Vec<PoseTrack>,
+    terrain: TerrainWriter,
     camera: Option<Camera>,
     trace: Trace,
     forces: ForceWriter,
@@ -90,6 +93,7 @@ impl SceneWriter {
             agent,
             scene: scene.clone(),
             tracks,
+            terrain: TerrainWriter::new(agent),
             camera,
             trace: Trace::new(&entity),
             forces: ForceWriter::new(&entity),
@@ -140,6 +144,7 @@ impl SceneWriter {
                 first,
             );
         }
+        self.terrain.add(&trajectory.terrain, first);
         if let Some(Camera { body, track }) = &mut self.camera {
             let tracked = trajectory.poses.iter().skip(*body).step_by(bodies);
             track.add(
@@ -155,7 +160,7 @@ impl SceneWriter {
             .add(trajectory, self.view_bounds(trajectory), first);
     }
 
-    /// Takes poses, traces and forces as chunks if there are enough steps for a chunk or, if `all`
+    /// Takes poses, ground, traces and forces as chunks if there are enough steps for a chunk or, if `all`
     /// is set, if there are any.
     pub(super) fn take(&mut self, all: bool) -> Result<Vec<Chunk>, RecordingError> {
         let steps = self.tracks.iter().map(|track| track.poses.len()).max();
@@ -169,6 +174,7 @@ impl SceneWriter {
             .chain(camera)
             .filter_map(PoseTrack::take);
         tracks
+            .chain(self.terrain.take())
             .chain(self.trace.take())
             .chain(self.forces.take())
             .collect()
@@ -176,7 +182,7 @@ impl SceneWriter {
 
     /// Bounds of a view that shows a whole episode.
     pub(super) fn view_bounds(&self, trajectory: &BodyTrajectory) -> Option<Bounds> {
-        episode_bounds(&self.scene, &trajectory.poses)
+        episode_bounds(&self.scene, &trajectory.poses, &trajectory.terrain)
     }
 
     fn trace_episode(&mut self, trajectory: &BodyTrajectory, first: Moment) {

@@ -61,8 +61,13 @@ fn lines_of(shape: &Shape) -> Vec<(Vec<[f32; 2]>, Radius)> {
             .map(|points| (points, Radius::new_ui_points(1.5)))
             .into_iter()
             .collect(),
-        Shape::Polyline(points) => vec![(points.clone(), Radius::new_ui_points(1.5))],
+        Shape::Polyline(points) => vec![(points.clone(), open_line_radius())],
     }
+}
+
+/// Half the width of open lines.
+pub(super) fn open_line_radius() -> Radius {
+    Radius::new_ui_points(1.5)
 }
 
 fn filled_box(center: [f32; 2], half_size: [f32; 2], angle: f32) -> Vec<(Vec<[f32; 2]>, Radius)> {
@@ -87,7 +92,7 @@ fn disc(shape: &Shape) -> Option<([f32; 2], Radius)> {
     }
 }
 
-fn with_y_down(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
+pub(super) fn with_y_down(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
     points.into_iter().map(|[x, y]| [x, -y]).collect()
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::util::{run_refused, run_successful, small_run};
+use crate::util::{ball_above_ground, run_refused, run_successful, small_run};
 
 fn explore(arguments: &[&str]) -> String {
     run_successful(&[&["explore"], arguments].concat())
@@ -84,6 +84,31 @@ fn a_page_has_the_states_of_a_run() {
         std::fs::read(&page).unwrap() == bytes,
         "the same run gives the same bytes"
     );
+}
+
+/// A page has the ground of each filmed episode: 11 points whose heights are drawn.
+#[test]
+fn a_page_has_the_ground_of_each_episode() {
+    let folder = tempfile::tempdir().unwrap();
+    let [envs, scenario, run] = ["envs", "short.ron", "run"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&envs).unwrap();
+    std::fs::write(envs.join("ball.ron"), ball_above_ground("bump")).unwrap();
+    let text = r#"Scenario(environment: "ball", agents: (count: 1), algorithm: Random, stop: Episodes(3), recording: (scene: (every: 1)))"#;
+    std::fs::write(&scenario, text).unwrap();
+    let [scenario, run_text] = [&scenario, &run].map(|path| path.to_str().unwrap());
+    run_successful(&["run", scenario, "--out", run_text]);
+    explore(&[run_text]);
+    let data = data_of(&run.join("explore.html"));
+    let terrain = data["runs"][0]["film"]["terrain"].as_array().unwrap();
+    let lines: Vec<&serde_json::Value> = terrain.iter().map(|lines| &lines[0]).collect();
+    assert_eq!(lines.len(), 3);
+    for line in &lines {
+        let points = line.as_array().unwrap();
+        let heights = points.iter().map(|point| point[1].as_f64().unwrap());
+        assert_eq!(points.len(), 11);
+        assert!(heights.clone().all(|height| (0.0..0.1).contains(&height)));
+    }
+    assert!(lines[0] != lines[1] && lines[1] != lines[2]);
 }
 
 /// Runs that are not finished, and recordings alone, are shown as far as they are written. A name cannot

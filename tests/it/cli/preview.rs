@@ -1,6 +1,12 @@
 //! `seedbed preview`.
 
-use crate::util::{seedbed, stderr, stdout};
+use std::fs;
+use std::path::Path;
+
+use seedbed::record::recording::Recording;
+use seedbed_env::{Physics, Scene, build, parse};
+
+use crate::util::{ball_above_ground, run_successful, seedbed, stderr, stdout};
 
 #[test]
 fn preview_records_a_task_without_training() {
@@ -34,4 +40,49 @@ fn preview_records_a_task_without_training() {
         "{}",
         stderr(&mistyped)
     );
+}
+
+fn scene_of(task: &str) -> Scene {
+    let task = parse("ball", "ball.ron", task.to_owned()).unwrap();
+    let environment = build(&task, Physics::Rapier, 1).unwrap();
+    environment.scene().unwrap().clone()
+}
+
+/// The bytes of the film of a preview of two episodes, whose ground has these heights at all points.
+fn film_above_ground(folder: &Path, formula: &str, heights: [f32; 11]) -> Vec<u8> {
+    fs::create_dir(folder).unwrap();
+    let (task, recording) = (folder.join("ball.ron"), folder.join("ball.rrd"));
+    let text = ball_above_ground(formula);
+    fs::write(&task, &text).unwrap();
+    let [task, out] = [&task, &recording].map(|path| path.to_str().unwrap());
+    run_successful(&["preview", task, "--episodes", "2", "--film", "--out", out]);
+    let scenes = Recording::open(&recording).unwrap();
+    let scenes = scenes.scenes(0, &scene_of(&text)).unwrap();
+    assert_eq!(scenes.len(), 2);
+    for scene in scenes {
+        let [line] = &scene.terrain[..] else {
+            panic!("{:?}", scene.terrain);
+        };
+        let found = line.iter().rev().map(|[_, y]| *y);
+        assert!(found.eq(heights), "{line:?}");
+        assert_eq!((line[10][0], line[0][0]), (-0.5, 0.5));
+    }
+    fs::read(recording.with_extension("gif")).unwrap()
+}
+
+/// Ground that rises and ground that falls have the same bounds and do not touch the ball, so that only
+/// the drawing of the ground differs.
+#[test]
+fn the_ground_of_each_episode_is_recorded_and_filmed() {
+    let folder = tempfile::tempdir().unwrap();
+    let rising = std::array::from_fn(|index| 0.0625 * index as f32);
+    let mut falling = rising;
+    falling.reverse();
+    let [one, again, other] = [
+        ("one", "0.0625 * index", rising),
+        ("again", "0.0625 * index", rising),
+        ("other", "0.625 - 0.0625 * index", falling),
+    ]
+    .map(|(name, formula, heights)| film_above_ground(&folder.path().join(name), formula, heights));
+    assert!(one == again && one != other);
 }

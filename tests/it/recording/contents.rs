@@ -101,6 +101,15 @@ impl RecordingContents {
             .collect()
     }
 
+    pub(super) fn strips(&self, entity: &str) -> Vec<Vec<[f32; 2]>> {
+        let component = ComponentIdentifier::try_new("LineStrips2D:strips").unwrap();
+        let rows = |chunk: &Chunk| -> Vec<Vec<[f32; 2]>> {
+            let rows = chunk.iter_slices::<&[[f32; 2]]>(component);
+            rows.flatten().map(<[_]>::to_vec).collect()
+        };
+        self.chunks(entity).iter().flat_map(rows).collect()
+    }
+
     /// The bytes of each image of an entity, for density images and color images.
     pub(super) fn image_bytes(&self, entity: &str) -> Vec<Vec<u8>> {
         let names = ["DepthImage:buffer", "Image:buffer"]
@@ -136,7 +145,7 @@ impl RecordingContents {
     }
 
     /// Number of values in each row, or `None` if the row does not have the component.
-    fn list_length_by_row(&self, entity: &str, component: &str) -> Vec<Option<usize>> {
+    pub(super) fn list_length_by_row(&self, entity: &str, component: &str) -> Vec<Option<usize>> {
         let component = ComponentIdentifier::try_new(component).unwrap();
         let lists = self
             .chunks(entity)

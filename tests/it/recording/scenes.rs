@@ -59,6 +59,56 @@ fn recorded_scenes_are_read_back() {
     assert!(recording.scenes(1, &run.scene).unwrap().is_empty());
 }
 
+/// The ground is in the first row of each recorded episode, with heights that increase downwards.
+#[test]
+fn the_ground_of_recorded_episodes_is_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = SyntheticRun::new(2, 12);
+    let line = |level: f32| vec![[1.5, level], [0.5, 0.25], [-0.5, level]];
+    let lines = [vec![line(-1.0), line(2.0)], vec![line(3.0), Vec::new()]];
+    for (round, lines) in [0, 10].into_iter().zip(&lines) {
+        run.rounds[round].body_trajectories[0].terrain = lines.clone();
+    }
+    let path = record(&run, folder.path(), &RecordingSettings::default());
+    let recording = Recording::open(&path).unwrap();
+    let found = recording.scenes(0, &run.scene).unwrap();
+    let found: Vec<_> = found.into_iter().map(|scene| scene.terrain).collect();
+    assert_eq!(found, lines);
+
+    let contents = RecordingContents::read(&path);
+    let entity = "/scene/agent_0/terrain";
+    let steps_before: usize = run.rounds[..10]
+        .iter()
+        .map(|round| round.episodes[0].length() + 1)
+        .sum();
+    assert_eq!(contents.times(entity, "env_step"), [0, steps_before as i64]);
+    assert_eq!(contents.times(entity, "episode"), [0, 10]);
+    assert_eq!(contents.times(entity, "round"), [0, 10]);
+    assert_eq!(
+        contents.list_length_by_row(entity, "LineStrips2D:strips"),
+        [Some(2); 2]
+    );
+    assert_eq!(
+        contents.list_length_by_row(entity, "LineStrips2D:colors"),
+        [Some(1); 2]
+    );
+    assert_eq!(
+        contents.strips(entity)[0],
+        [[1.5, 1.0], [0.5, -0.25], [-0.5, 1.0]]
+    );
+}
+
+#[test]
+fn recordings_of_tasks_without_terrain_have_no_ground() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = SyntheticRun::new(2, 12);
+    let path = record(&run, folder.path(), &RecordingSettings::default());
+    let contents = RecordingContents::read(&path);
+    assert!(!contents.has_entity("/scene/agent_0/terrain"));
+    let scenes = Recording::open(&path).unwrap().scenes(0, &run.scene);
+    assert!(scenes.unwrap().iter().all(|scene| scene.terrain.is_empty()));
+}
+
 #[test]
 fn each_recorded_agent_has_its_own_poses_and_forces() {
     let folder = tempfile::tempdir().unwrap();
@@ -124,6 +174,7 @@ fn trajectory_with_forces(episode: &Episode) -> BodyTrajectory {
         forces_per_row: std::iter::once(0)
             .chain(vec![1; episode.length()])
             .collect(),
+        terrain: Vec::new(),
     }
 }
 
