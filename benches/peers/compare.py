@@ -26,7 +26,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parents[1]
 PACKAGES = {
-    "mujoco": ["mujoco==4.0.0", "gymnasium==1.4.0"],
+    "mujoco": ["mujoco==4.0.0", "gymnasium==1.4.0", "dm_control==1.0.50"],
     "gymnasium": ["gymnasium==1.4.0"],
     "jax": ["jax==0.10.2"],
     "sb3": ["stable-baselines3==2.9.2", "torch==2.15.0", "gymnasium==1.4.0"],
@@ -34,6 +34,30 @@ PACKAGES = {
     "envpool": ["envpool==1.2.5", "gymnasium==1.4.0"],
     "seedbed": ["maturin==1.16.0", "gymnasium==1.4.0"],
 }
+
+
+# Tasks beside MuJoCo: the model, and MuJoCo's time steps per control step.
+MUJOCO_TASKS = (
+    ("cheetah", "gymnasium:half_cheetah.xml", 5),
+    ("hopper", "gymnasium:hopper.xml", 4),
+    ("gym_inverted_pendulum", "gymnasium:inverted_pendulum.xml", 2),
+    ("gym_inverted_double_pendulum", "gymnasium:inverted_double_pendulum.xml", 5),
+    ("gym_reacher", "gymnasium:reacher.xml", 2),
+    ("gym_swimmer", "gymnasium:swimmer.xml", 4),
+    ("gym_hopper", "gymnasium:hopper.xml", 4),
+    ("gym_walker2d", "gymnasium:walker2d_v5.xml", 4),
+    ("gym_half_cheetah", "gymnasium:half_cheetah.xml", 5),
+    ("dm_cartpole_swingup", "suite:cartpole.xml", 1),
+    ("dm_acrobot_swingup", "suite:acrobot.xml", 1),
+    ("dm_pendulum_swingup", "suite:pendulum.xml", 1),
+    ("dm_point_mass_easy", "suite:point_mass.xml", 1),
+    ("dm_reacher_easy", "suite:reacher.xml", 1),
+    ("dm_ball_in_cup_catch", "suite:ball_in_cup.xml", 10),
+    ("dm_finger_spin", "suite:finger.xml", 2),
+    ("dm_hopper_hop", "suite:hopper.xml", 4),
+    ("dm_walker_run", "suite:walker.xml", 10),
+    ("dm_cheetah_run", "suite:cheetah.xml", 1),
+)
 
 
 class Line:
@@ -116,10 +140,10 @@ def lines():
                 Benchmark("environment", f"cartpole/{kind}/{copies}", copies),
                 "mujoco", "mujoco_rollout.py", str(HERE / "cartpole.xml"), str(copies),
             )
-    for task, model, substeps in (("cheetah", "half_cheetah", 5), ("hopper", "hopper", 4)):
+    for task, model, substeps in MUJOCO_TASKS:
         yield Line(
             f"{task}, M = 16", "steps", Benchmark("environment", f"tasks/{task}/rapier", 16),
-            "mujoco", "mujoco_rollout.py", f"gymnasium:{model}.xml", "16", "--substeps", str(substeps),
+            "mujoco", "mujoco_rollout.py", model, "16", "--substeps", str(substeps),
         )
     for copies in (16, 64, 1024):
         yield Line(

@@ -15,16 +15,18 @@ import mujoco.rollout
 import numpy as np
 
 parser = argparse.ArgumentParser(description=__doc__)
-parser.add_argument("model", help="MJCF file, or `gymnasium:NAME` for one of Gymnasium's")
+parser.add_argument("model", help="MJCF file, or `gymnasium:NAME` or `suite:NAME` for one of Gymnasium's or dm_control's")
 parser.add_argument("copies", type=int, help="number of copies M")
 parser.add_argument("--substeps", type=int, default=1, help="steps of MuJoCo per control step")
 parser.add_argument("--seconds", type=float, default=1.0, help="CPU time of the measurement")
 arguments = parser.parse_args()
 
+FOLDERS = {"gymnasium": ("gymnasium", "envs/mujoco/assets"), "suite": ("dm_control", "suite")}
 path = Path(arguments.model)
-if arguments.model.startswith("gymnasium:"):
-    folder = Path(importlib.util.find_spec("gymnasium").origin).parent / "envs/mujoco/assets"
-    path = folder / arguments.model.removeprefix("gymnasium:")
+source, _, name = arguments.model.partition(":")
+if source in FOLDERS:
+    package, folder = FOLDERS[source]
+    path = Path(importlib.util.find_spec(package).origin).parent / folder / name
 model = mujoco.MjModel.from_xml_path(str(path))
 data = mujoco.MjData(model)
 random = np.random.default_rng(0)

@@ -506,9 +506,27 @@ impl BodyTask {
             JointKind::Slide { .. } => joints_above.any(|joint| joint.kind != JointKind::Weld),
             JointKind::Weld => false,
         };
-        self.first_joint_of_child(index) != index
+        let has_other_joint = self.joints_of(joint.child).count() > 1;
+        (has_other_joint && !self.is_on_rails(joint.child))
             || (has_rotor && moves_with_others)
             || (is_hinge(joint) && joint.range_softness.is_some())
+    }
+
+    fn joints_of(&self, child: usize) -> impl Iterator<Item = &Joint> {
+        self.joints.iter().filter(move |joint| joint.child == child)
+    }
+
+    /// Whether a body only slides along x and y of the world: its motion is that of a body that does
+    /// not turn.
+    fn is_on_rails(&self, body: usize) -> bool {
+        let is_rail = |joint: &Joint| match joint.kind {
+            JointKind::Slide { axis } => {
+                let has_rotor = joint.passive_forces.armature > 0.0;
+                joint.parent.is_none() && axis.contains(&0.0) && !has_rotor
+            }
+            _ => false,
+        };
+        self.bodies[body].angle == 0.0 && self.joints_of(body).all(is_rail)
     }
 
     /// The joint that holds the parent of a joint, if it has one.

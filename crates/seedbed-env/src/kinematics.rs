@@ -123,7 +123,8 @@ impl KinematicTree {
 }
 
 impl Link {
-    fn new(parent_body: Option<usize>, joint: &Joint, task: &BodyTask) -> Self {
+    /// A joint as if it were the only one of its child, which hangs on `parent_body`.
+    pub(crate) fn new(parent_body: Option<usize>, joint: &Joint, task: &BodyTask) -> Self {
         let frame_at_zero_coordinates =
             |body: usize| Frame::at(task.bodies[body].position, task.bodies[body].angle);
         let parent = parent_body.map_or(Frame::WORLD, frame_at_zero_coordinates);

@@ -7,6 +7,7 @@ grounds, start states and episodes of Gymnasium's own controllers with many of G
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -383,6 +384,21 @@ class NoSpread:
 
 def without_spread(text: str) -> str:
     return text.replace("Uniform(-0.03333333333333333, 0.03333333333333333)", "Constant(0.0)")
+
+
+@pytest.mark.parametrize("stem", [*LANDERS, "gym_bipedal_walker"])
+def test_masses_and_inertias_are_those_of_box2d(stem: str):
+    """Box2D computes in single precision, and its moment of inertia is about the origin of a body."""
+    original = load(LANDERS.get(stem, "BipedalWalker-v3"))
+    hull = original.lander if stem in LANDERS else original.hull
+    bodies = [hull, *original.legs]
+    numbers = {key: re.findall(rf"\n +{key}: ([-0-9.e]+),", text_of(stem)) for key in ("mass", "inertia")}
+    assert [float(mass) for mass in numbers["mass"]] == pytest.approx([body.mass for body in bodies], rel=1e-6)
+    inertias = [body.inertia - body.mass * body.localCenter.lengthSquared for body in bodies]
+    assert [float(inertia) for inertia in numbers["inertia"]] == pytest.approx(inertias, rel=1e-5)
+    com = re.search(r"\n +com: \(([-0-9.]+), ([-0-9.]+)\),", text_of(stem))
+    assert com is not None
+    assert [float(number) for number in com.groups()] == pytest.approx(tuple(hull.localCenter), abs=1e-6)
 
 
 def raise_bodies(bodies: list[Any], height: float) -> None:

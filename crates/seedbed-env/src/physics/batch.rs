@@ -215,7 +215,13 @@ fn insert_bodies(
     task: &BodyTask,
     template: &CopyTemplate,
 ) -> Vec<RigidBodyHandle> {
-    let rail = |body| template.joints.iter().find_map(|joint| joint.rail_of(body));
+    let rail = |body| {
+        let rails = template
+            .joints
+            .iter()
+            .filter_map(|joint| joint.rail_of(body));
+        rails.reduce(|[x, y], [other_x, other_y]| [x || other_x, y || other_y])
+    };
     let bodies = task.bodies.iter().zip(&template.rotors).enumerate();
     bodies
         .map(|(index, (body, rotor))| world.insert_body(rigid_body(body, rotor, rail(index))))

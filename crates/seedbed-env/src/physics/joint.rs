@@ -190,7 +190,8 @@ impl RapierJoint {
             .insert(parent, child, joint.build(), false);
     }
 
-    /// Sets a child that has left its range back to the end of it, at rest: an inelastic wall.
+    /// Sets a child that has left its range back to the end of it, at rest along the axis: an inelastic
+    /// wall.
     pub(super) fn stop_at_walls(&self, handles: &[RigidBodyHandle], bodies: &mut RigidBodySet) {
         let Representation::Rail {
             axis,
@@ -208,7 +209,8 @@ impl RapierJoint {
                 child.translation() + axis * (origin + end - axis.dot(child.translation())),
                 false,
             );
-            child.set_linvel(Vector::ZERO, false);
+            let velocity = child.linvel();
+            child.set_linvel(velocity - axis * axis.dot(velocity), false);
         }
     }
 

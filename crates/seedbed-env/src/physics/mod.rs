@@ -27,7 +27,7 @@ pub use self::shape::inertial;
 use super::Pose;
 use super::description::{self, BodyTask, FormulaForce, Servo, ServoTarget};
 use super::dynamics::{CoordinateColumns, Dynamics, OTHER_BODIES, from_bytes, to_bytes};
-use super::kinematics::{Frame, KinematicTree};
+use super::kinematics::{Frame, KinematicTree, Link};
 
 /// M copies of a task as rigid bodies in Rapier worlds.
 pub struct RigidBodies {
@@ -193,7 +193,14 @@ impl CopyTemplate {
             .links()
             .iter()
             .enumerate()
-            .map(|(joint, link)| RapierJoint::new(link, leaf_range(task, joint)))
+            .map(|(joint, link)| {
+                // Several joints of a body are slides of the world here, none of which moves another.
+                let link = match task.first_joint_of_child(joint) {
+                    first if first == joint => *link,
+                    _ => Link::new(None, &task.joints[joint], task),
+                };
+                RapierJoint::new(&link, leaf_range(task, joint))
+            })
             .collect();
         let (control_inputs, servos) = control_inputs(task);
         let mut pushed_bodies: Vec<_> = control_inputs

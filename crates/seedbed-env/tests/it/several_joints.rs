@@ -267,3 +267,45 @@ fn a_soft_end_of_a_hinge_holds() {
         "{angle} rad, {expected} rad"
     );
 }
+
+/// A body that slides along x and y without contacts: F / m along x, with damping and an inelastic wall
+/// along y, as with two bodies that slide along one axis each.
+#[test]
+fn a_body_on_two_rails_moves_like_two_bodies_on_one() {
+    let fields = |second_child: &str| {
+        format!(
+            r#"bodies: [(name: "point", position: (0.5, -0.2), mass: 2.0, inertia: 0.1), (name: "other", position: (0.5, -0.2), mass: 2.0, inertia: 0.1)],
+            joints: [
+                (name: "a", parent: "world", child: "point", type: Slide(axis: (-1.0, 0.0)), damping: 0.5),
+                (name: "b", parent: "world", child: "{second_child}", type: Slide(axis: (0.0, 1.0)), range: (-0.3, 0.3), stiffness: 3.0),
+                (name: "rest", parent: "world", child: "{}", type: Slide(axis: (1.0, 0.0))),
+            ],
+            actuators: [
+                (name: "x", type: JointForce("a"), control: Continuous(-9.0, 9.0)),
+                (name: "y", type: JointForce("b"), control: Continuous(-9.0, 9.0)),
+            ],"#,
+            "other"
+        )
+    };
+    let start: [&[f64]; 2] = [&[0.1, 0.2, 0.0], &[1.0, -0.5, 0.0]];
+    let on_two_rails = task("(0.0, 0.0)", &fields("point"));
+    assert!(!on_two_rails.needs_own_worlds());
+    let one = moved(&on_two_rails, start, &[1.0, 4.0], 1.0);
+    let two = moved(
+        &task("(0.0, 0.0)", &fields("other")),
+        start,
+        &[1.0, 4.0],
+        1.0,
+    );
+    for index in 0..2 {
+        assert_eq!(
+            one.coordinates().get(index, 0),
+            two.coordinates().get(index, 0)
+        );
+    }
+    assert_eq!(
+        one.coordinates().get(1, 0),
+        (0.3, 0.0),
+        "it stands at the wall"
+    );
+}
