@@ -235,7 +235,7 @@ MOTIONS = [
     Motion(case_of("cartpole", "balance"), 100, 0.01),
     Motion(case_of("pendulum", "swingup"), 30, 0.05),
     Motion(case_of("acrobot", "swingup"), 100, 0.02),
-    Motion(case_of("point_mass", "easy"), 100, 2e-4),
+    Motion(case_of("point_mass", "easy"), 100, 1e-3),
     Motion(case_of("reacher", "easy"), 10, 0.03),
     Motion(case_of("walker", "stand"), 10, 0.2),
     Motion(case_of("cheetah", "run"), 50, 0.2),
