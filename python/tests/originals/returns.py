@@ -86,9 +86,14 @@ def actions(space: Any) -> dict[str, Action]:
     return {"random": lambda generator: generator.uniform(space.low, space.high).astype(space.dtype), "zero": lambda _: zero}
 
 
+def shown(value: float, digits: int = 3) -> str:
+    """A number with this many digits; nearly nothing is 0."""
+    return f"{value:.{digits}g}" if abs(value) >= 5e-4 else "0"
+
+
 def cell(values: Any) -> str:
-    quantiles = " ".join(f"{value:.3g}" for value in np.quantile(values, (0.1, 0.5, 0.9)))
-    return f"{values.mean():.3g} ± {values.std() / np.sqrt(len(values)):.2g} [{quantiles}]"
+    quantiles = " ".join(map(shown, np.quantile(values, (0.1, 0.5, 0.9))))
+    return f"{shown(values.mean())} ± {shown(values.std() / np.sqrt(len(values)), 2)} [{quantiles}]"
 
 
 def main() -> None:
