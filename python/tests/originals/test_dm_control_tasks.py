@@ -233,7 +233,7 @@ def case_of(domain: str, task: str) -> Case:
 
 MOTIONS = [
     Motion(case_of("cartpole", "balance"), 100, 0.01),
-    Motion(case_of("pendulum", "swingup"), 30, 0.05),
+    Motion(case_of("pendulum", "swingup"), 30, 0.15),
     Motion(case_of("acrobot", "swingup"), 100, 0.02),
     Motion(case_of("point_mass", "easy"), 100, 1e-3),
     Motion(case_of("reacher", "easy"), 10, 0.03),
