@@ -158,8 +158,7 @@ pub struct BodyTrajectory {
     pub forces: Vec<Force>,
     /// Number of forces that belong to each state: `[T+1]`
     pub forces_per_row: Vec<usize>,
-    /// The lines of the ground that is drawn anew in each episode, as points in the world, m: `[lines]`
-    /// of `[points]`
+    /// The lines of the ground of this episode, as points in the world, m: `[lines]` of `[points]`
     pub terrain: Vec<Vec<[f32; 2]>>,
 }
 

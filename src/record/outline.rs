@@ -1,5 +1,5 @@
-//! Outlines of shapes, in the frame of their body and in the scene, and lines of the ground. The y axis of a scene points
-//! down, as in Rerun and in images.
+//! Outlines of shapes, in the frame of their body and in the scene, and lines of the ground. The y
+//! axis of a scene points down, as in Rerun and in images.
 
 use seedbed_env::{Environment, Pose, Shape};
 
@@ -31,7 +31,7 @@ pub(crate) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
     }
 }
 
-/// The lines of the ground that is drawn anew in each episode of `copy`, m: `[lines]` of `[points]`.
+/// The lines of the ground of `copy` that differ from episode to episode, m: `[lines]` of `[points]`.
 /// Points whose height is not finite are left out.
 pub(crate) fn terrain_lines(environment: &dyn Environment, copy: usize) -> Vec<Vec<[f32; 2]>> {
     let mut lines = environment.terrain(copy);

@@ -36,8 +36,7 @@ pub struct RecordedScene {
     pub episode: u32,
     /// Pose of each body in each state: `[(T+1) × bodies]`
     pub poses: Vec<Pose>,
-    /// The lines of the ground that is drawn anew in each episode, as points in the world, m: `[lines]`
-    /// of `[points]`
+    /// The lines of the ground of this episode, as points in the world, m: `[lines]` of `[points]`
     pub terrain: Vec<Vec<[f32; 2]>>,
 }
 

@@ -397,7 +397,7 @@ impl BodyEnvironment {
     fn draw_episode_numbers(&mut self, copy: usize, random: &mut Stream) {
         for (index, number) in self.task.episode_numbers.iter().enumerate() {
             let column = self.columns.first_episode_number() + index;
-            self.table.column_mut(column)[copy] = number.draw(random);
+            self.table.column_mut(column)[copy] = number.distribution.draw_f32(random);
         }
         if !self.task.step_numbers.is_empty() {
             self.episodes.step_seeds[copy] = random.random();
@@ -413,7 +413,7 @@ impl BodyEnvironment {
         let mut random = stream(seed, Purpose::StepNumbers, step, 0);
         for (index, number) in self.task.step_numbers.iter().enumerate() {
             let column = self.columns.first_step_number() + index;
-            self.table.column_mut(column)[copy] = number.draw(&mut random);
+            self.table.column_mut(column)[copy] = number.distribution.draw_f32(&mut random);
         }
     }
 

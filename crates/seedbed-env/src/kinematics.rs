@@ -65,7 +65,7 @@ impl KinematicTree {
     pub fn new(task: &BodyTask) -> Self {
         let links = task.joints.iter().enumerate().map(|(index, joint)| {
             if task.first_joint_of_child(index) == index {
-                Link::new(joint.parent, joint, task)
+                Link::alone(joint, task)
             } else {
                 Link::new(Some(joint.child), joint, task)
             }
@@ -123,8 +123,12 @@ impl KinematicTree {
 }
 
 impl Link {
-    /// A joint as if it were the only one of its child, which hangs on `parent_body`.
-    pub(crate) fn new(parent_body: Option<usize>, joint: &Joint, task: &BodyTask) -> Self {
+    /// A joint as if it were the only one of its child.
+    pub(crate) fn alone(joint: &Joint, task: &BodyTask) -> Self {
+        Self::new(joint.parent, joint, task)
+    }
+
+    fn new(parent_body: Option<usize>, joint: &Joint, task: &BodyTask) -> Self {
         let frame_at_zero_coordinates =
             |body: usize| Frame::at(task.bodies[body].position, task.bodies[body].angle);
         let parent = parent_body.map_or(Frame::WORLD, frame_at_zero_coordinates);

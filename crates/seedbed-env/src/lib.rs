@@ -220,8 +220,8 @@ pub trait Environment: Send {
     /// Writes where the bodies of `copy` are now, in the order of the scene: `[bodies]`.
     fn poses(&self, _copy: usize, _poses: &mut [Pose]) {}
 
-    /// The ground of `copy` that is drawn anew in each episode, as lines of points in m. This is called
-    /// only to draw, so that it may allocate. The default has none.
+    /// The ground of `copy`, which differs from episode to episode, as lines of points in m. This is
+    /// called only to draw, so that it may allocate. The default has none.
     fn terrain(&self, _copy: usize) -> Vec<Vec<[f32; 2]>> {
         Vec::new()
     }

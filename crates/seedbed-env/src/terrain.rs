@@ -57,7 +57,7 @@ impl TerrainGenerator {
         self.table.column_mut(self.terrain.index_column)[0] = index as f32;
         let first_drawn = self.terrain.first_drawn();
         for (place, number) in self.terrain.drawn.iter().enumerate() {
-            self.table.column_mut(first_drawn + place)[0] = number.draw(random);
+            self.table.column_mut(first_drawn + place)[0] = number.distribution.draw_f32(random);
         }
         let first_value = self.terrain.first_value();
         let formulas = if index == 0 {

@@ -1,5 +1,5 @@
-//! `/scene/agent_K/terrain`: the ground that is drawn anew in each episode, as lines in the world. The
-//! first row of each recorded episode has its lines. Tasks without such ground have no such entity.
+//! `/scene/agent_K/terrain`: the ground that differs from episode to episode, as lines in the world.
+//! The first row of each recorded episode has its lines. Tasks without such ground have no such entity.
 
 use rerun::log::Chunk;
 use rerun::{ComponentIdentifier, EntityPath, LineStrip2D, LineStrips2D, TimelineName};

@@ -1,8 +1,9 @@
 //! The order of the columns that formulas read.
 
 /// Number of columns of each kind in the table that formulas read. The columns are in this order:
-/// constants of the run, numbers of the episode, numbers of the step, sensors, observations, actions, formula forces, sensors before the step,
-/// observations before the step, heights of terrains.
+/// constants of the run, numbers of the episode, numbers of the step, sensors, observations,
+/// actions, formula forces, sensors before the step, observations before the step, heights of
+/// terrains.
 ///
 /// The order matters. A formula may read only what is computed before it:
 /// [`ValueTable::split_at`](crate::expression::ValueTable::split_at) gives it only the columns

@@ -34,6 +34,11 @@ pub enum Distribution {
 }
 
 impl Distribution {
+    /// Draws a number in single precision.
+    pub(crate) fn draw_f32(&self, random: &mut Stream) -> f32 {
+        self.draw(random).clamp(f32::MIN.into(), f32::MAX.into()) as f32
+    }
+
     /// Draws a number.
     pub fn draw(&self, random: &mut Stream) -> f64 {
         match *self {

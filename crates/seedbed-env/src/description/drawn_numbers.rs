@@ -2,7 +2,6 @@
 //! of a terrain.
 
 use super::Distribution;
-use crate::random::Stream;
 
 /// A number that is drawn, such as the place of a target at the start of each episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,12 +10,4 @@ pub struct DrawnNumber {
     pub name: String,
     /// Its distribution.
     pub distribution: Distribution,
-}
-
-impl DrawnNumber {
-    /// Draws the number, in single precision.
-    pub(crate) fn draw(&self, random: &mut Stream) -> f32 {
-        let value = self.distribution.draw(random);
-        value.clamp(f32::MIN.into(), f32::MAX.into()) as f32
-    }
 }

@@ -20,7 +20,6 @@ impl RunConstant {
     #[must_use]
     pub fn draw(&self, index: usize, run_seed: u64) -> f32 {
         let mut random = stream(run_seed, Purpose::RunConstant, index as u32, 0);
-        let value = self.distribution.draw(&mut random);
-        value.clamp(f32::MIN.into(), f32::MAX.into()) as f32
+        self.distribution.draw_f32(&mut random)
     }
 }

@@ -17,7 +17,7 @@ use crate::input::{Located, ValidationError};
 use crate::{Quantity, Scene, SceneBody, Shape, TaskSpec, physics};
 
 /// The name of the body that does not move, to which joints without a parent body are attached.
-pub(super) const WORLD: &str = "world";
+const WORLD: &str = "world";
 
 /// Resolves the names of a task file. Methods for actuators, joints, sensors and surfaces are in
 /// the files of this folder.
@@ -212,6 +212,22 @@ impl<'a> Resolver<'a> {
         find_index(name, "body", self.file.bodies.iter().map(|body| &body.name))
     }
 
+    /// Index of the body with this name; `None` for the world.
+    pub(super) fn find_body_or_world(
+        &self,
+        name: &Located<String>,
+    ) -> Result<Option<usize>, ValidationError> {
+        if name.as_str() == WORLD {
+            return Ok(None);
+        }
+        let bodies = self.file.bodies.iter();
+        let bodies = bodies.map(|body| body.name.value().as_ref());
+        match bodies.clone().position(|body| body == name.as_str()) {
+            Some(body) => Ok(Some(body)),
+            None => Err(name.unknown_name("body", [WORLD].into_iter().chain(bodies))),
+        }
+    }
+
     /// Indices of the bodies that are no joint's child.
     pub(super) fn free_bodies(&self) -> Vec<usize> {
         let joints = self.file.joints.iter();
@@ -304,16 +320,8 @@ impl<'a> Resolver<'a> {
 
     fn parent(&self, joint: &Joint, earlier: &[Joint]) -> Result<Option<usize>, ValidationError> {
         let name = &joint.parent;
-        if name.as_str() == WORLD {
+        let Some(parent) = self.find_body_or_world(name)? else {
             return Ok(None);
-        }
-        let bodies = || {
-            let bodies = self.file.bodies.iter();
-            bodies.map(|body| body.name.value().as_ref())
-        };
-        let Some(parent) = bodies().position(|body| body == name.as_str()) else {
-            let names: Vec<_> = [WORLD].into_iter().chain(bodies()).collect();
-            return Err(name.unknown_name("body", names));
         };
         let is_held = earlier.iter().any(|other| *other.child == **name);
         if !is_held && !self.free_bodies().contains(&parent) {

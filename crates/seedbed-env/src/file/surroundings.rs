@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::resolve::{Resolver, WORLD};
+use super::resolve::Resolver;
 use super::{Body, Name, Vector};
 use crate::description;
 use crate::input::numbers::{NonNegative, Positive};
@@ -95,17 +95,10 @@ impl Resolver<'_> {
     }
 
     fn rope_end(&self, end: &RopeEnd) -> Result<description::RopeEnd, ValidationError> {
-        let bodies = || {
-            let bodies = self.file.bodies.iter();
-            bodies.map(|body| body.name.value().as_ref())
-        };
-        let body = bodies().position(|body| body == end.body.as_str());
-        if body.is_none() && end.body.as_str() != WORLD {
-            let names: Vec<_> = [WORLD].into_iter().chain(bodies()).collect();
-            return Err(end.body.unknown_name("body", names));
-        }
-        let at = end.at.get();
-        Ok(description::RopeEnd { body, at })
+        Ok(description::RopeEnd {
+            body: self.find_body_or_world(&end.body)?,
+            at: end.at.get(),
+        })
     }
 
     /// Checks that only tasks with a fluid give the boxes as which bodies move through it.

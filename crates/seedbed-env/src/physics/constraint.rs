@@ -8,7 +8,7 @@ use rapier2d::prelude::{
 };
 
 use super::joint::RapierJoint;
-use crate::description::{BodyTask, Joint, Servo, ServoTarget, Solver};
+use crate::description::{BodyTask, Joint, Servo, ServoTarget, Softness, Solver};
 
 /// A constraint along the coordinate of a joint.
 pub(super) struct CoordinateConstraint {
@@ -109,18 +109,31 @@ impl CoordinateConstraint {
         target: ServoTarget,
         value: f32,
     ) {
-        let (axis, value) = (joint.axis() as usize, joint.sign() * value);
+        let (axis, sign) = (joint.axis() as usize, joint.sign());
         let Some(joint) = joints.get_mut(handle, false) else {
             return;
         };
-        match target {
-            ServoTarget::Position => joint.data.motors[axis].target_pos = value,
-            ServoTarget::Velocity => joint.data.motors[axis].target_vel = value,
-            ServoTarget::Speed { speed, max_force } => {
-                joint.data.motors[axis].target_vel = value.signum() * speed as f32;
-                joint.data.motors[axis].max_force = value.abs() * max_force as f32;
-            }
+        set_motor_target(&mut joint.data.motors[axis], target, sign, value);
+    }
+}
+
+/// Sets the target of a servo's motor. `sign`: −1 if Rapier's coordinate grows against the task's.
+pub(super) fn set_motor_target(motor: &mut JointMotor, target: ServoTarget, sign: f32, value: f32) {
+    match target {
+        ServoTarget::Position => motor.target_pos = sign * value,
+        ServoTarget::Velocity => motor.target_vel = sign * value,
+        ServoTarget::Speed { speed, max_force } => {
+            motor.target_vel = sign * value.signum() * speed as f32;
+            motor.max_force = value.abs() * max_force as f32;
         }
+    }
+}
+
+/// A softness as Rapier takes it.
+pub(super) fn spring_coefficients(softness: Softness) -> SpringCoefficients<f32> {
+    SpringCoefficients {
+        natural_frequency: softness.natural_frequency as f32,
+        damping_ratio: softness.damping_ratio as f32,
     }
 }
 
@@ -150,10 +163,7 @@ const FORCE_BASED_MOTOR: JointMotor = JointMotor {
 fn range(described: &Joint, joint: &RapierJoint, task: &BodyTask) -> Option<Effect> {
     let range = described.range.filter(|_| !joint.has_walls())?;
     let softness = match described.range_softness {
-        Some(given) => SpringCoefficients {
-            natural_frequency: given.natural_frequency as f32,
-            damping_ratio: given.damping_ratio as f32,
-        },
+        Some(given) => spring_coefficients(given),
         None => softness(task.solver, task.spec.control_step),
     };
     Some(Effect::Range(range.map(|end| end as f32), softness))

@@ -91,7 +91,7 @@ impl RigidBodies {
     /// Builds `copies` copies of a task. None of them moves until it is started.
     #[must_use]
     pub fn new(task: &BodyTask, copies: usize) -> Self {
-        let template = CopyTemplate::new(task, &KinematicTree::new(task));
+        let template = CopyTemplate::new(task);
         let batch_size = template.batch_size(copies);
         Self::with_batch_size(task, template, copies, batch_size)
     }
@@ -188,18 +188,14 @@ impl Dynamics for RigidBodies {
 }
 
 impl CopyTemplate {
-    fn new(task: &BodyTask, tree: &KinematicTree) -> Self {
-        let joints: Vec<_> = tree
-            .links()
+    fn new(task: &BodyTask) -> Self {
+        // If a body has several joints, they are slides of the world here, none of which moves another.
+        let joints: Vec<_> = task
+            .joints
             .iter()
             .enumerate()
-            .map(|(joint, link)| {
-                // Several joints of a body are slides of the world here, none of which moves another.
-                let link = match task.first_joint_of_child(joint) {
-                    first if first == joint => *link,
-                    _ => Link::new(None, &task.joints[joint], task),
-                };
-                RapierJoint::new(&link, leaf_range(task, joint))
+            .map(|(index, joint)| {
+                RapierJoint::new(&Link::alone(joint, task), leaf_range(task, index))
             })
             .collect();
         let (control_inputs, servos) = control_inputs(task);
@@ -370,7 +366,7 @@ mod tests {
     /// The bits of position and velocity after 50 steps: `[copies]`, in worlds of `batch_size`
     /// copies.
     fn coordinate_bits(task: &BodyTask, copies: usize, batch_size: usize) -> Vec<[u32; 2]> {
-        let template = CopyTemplate::new(task, &KinematicTree::new(task));
+        let template = CopyTemplate::new(task);
         let mut bodies = RigidBodies::with_batch_size(task, template, copies, batch_size);
         for copy in 0..copies {
             let position = 0.1 + 0.01 * copy as f64;

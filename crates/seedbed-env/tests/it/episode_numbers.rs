@@ -221,7 +221,8 @@ fn each_step_draws_its_numbers() {
     assert!(mean.abs() < 0.09 && (variance - 1.0 / 3.0).abs() < 0.05 && covariance.abs() < 0.05);
 }
 
-/// Copies differ, a restored copy goes on with the same numbers, and so does the same reset.
+/// Copies draw different numbers. A restored copy draws the same ones, and so does a copy that starts
+/// from the same random stream.
 #[test]
 fn numbers_of_steps_follow_from_the_reset() {
     let (mut environment, mut random) = (shaken_beads(2), resets());

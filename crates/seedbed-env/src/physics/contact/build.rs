@@ -8,14 +8,14 @@ use rapier2d::prelude::{
     RigidBodySet, Vector,
 };
 
+use super::super::constraint::spring_coefficients;
 use super::super::geometry::{PlacedShape, TOLERANCE};
 use super::super::vector;
 use super::fluid::FluidBody;
-use super::joint_group::{JointGroup, contact_spring};
+use super::joint_group::JointGroup;
 use super::link::{ControlInput, Link, Root};
 use super::rope::Rope;
 use crate::description::{self, Body, BodyTask, Joint};
-use crate::kinematics::KinematicTree;
 
 /// A world before an episode.
 pub(super) struct WorldTemplate {
@@ -45,7 +45,7 @@ pub(super) struct WorldTemplate {
 }
 
 impl WorldTemplate {
-    pub(super) fn new(task: &BodyTask, tree: &KinematicTree) -> Self {
+    pub(super) fn new(task: &BodyTask) -> Self {
         let mut bodies = RigidBodySet::new();
         let handles: Vec<_> = task
             .bodies
@@ -55,7 +55,7 @@ impl WorldTemplate {
         let coms: Vec<_> = task.bodies.iter().map(|body| body.inertial.com).collect();
         let (colliders, collider_handles) = colliders(task, &handles, &mut bodies);
         let mut joints = MultibodyJointSet::new();
-        let links = insert_links(task, tree, &handles, &mut bodies, &mut joints);
+        let links = insert_links(task, &handles, &mut bodies, &mut joints);
         let mut impulse_joints = ImpulseJointSet::new();
         let ropes = Rope::insert_all(task, &handles, &mut bodies, &mut impulse_joints);
         let multibodies = multibody_indices(&handles, &joints);
@@ -101,7 +101,7 @@ const MAX_PREDICTED_SPEED: f32 = 4.0;
 /// enough, to do without it.
 fn parameters(task: &BodyTask) -> IntegrationParameters {
     let dt = task.spec.control_step as f32 / task.solver.contact_updates as f32;
-    let softness = task.contact_softness.map(contact_spring);
+    let softness = task.contact_softness.map(spring_coefficients);
     let defaults = IntegrationParameters::default();
     IntegrationParameters {
         contact_softness: softness.unwrap_or(defaults.contact_softness),
@@ -175,7 +175,6 @@ fn collider(surface: &description::Collider, com: Vector) -> Collider {
 /// of bodies are independent.
 fn insert_links(
     task: &BodyTask,
-    tree: &KinematicTree,
     handles: &[RigidBodyHandle],
     bodies: &mut RigidBodySet,
     joints: &mut MultibodyJointSet,
@@ -183,7 +182,7 @@ fn insert_links(
     let mut links: Vec<(usize, Link)> = Vec::new();
     let is_first = |&joint: &usize| task.first_joint_of_child(joint) == joint;
     for first in (0..task.joints.len()).filter(is_first) {
-        let group = JointGroup::new(first, tree, task);
+        let group = JointGroup::new(first, task);
         let Joint { parent, child, .. } = task.joints[first];
         let parent_handle = match parent {
             Some(parent) => handles[parent],

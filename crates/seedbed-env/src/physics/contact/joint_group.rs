@@ -10,19 +10,15 @@ use rapier2d::prelude::{
 use super::super::constraint::velocity_gain;
 use super::super::vector;
 use crate::description::{BodyTask, Drive, Joint, Servo, Softness};
-use crate::kinematics::{KinematicTree, Link as TreeLink, Motion};
+use crate::kinematics::{Link as TreeLink, Motion};
 
 /// All joints of one body.
 pub(super) struct JointGroup<'a> {
     task: &'a BodyTask,
-    /// The first joint of the body, which starts at its parent.
-    first: &'a TreeLink,
     /// Indices of the body's joints.
     pub(super) joints: Vec<usize>,
-    /// Unit vector in the parent's frame of a slide, or the sign of a hinge: `[joints]`
-    pub(super) motions: Vec<Motion>,
-    /// Position of Rapier's joint in the child's frame, m: that of the hinge, if there is one.
-    pub(super) anchor_in_child: [f64; 2],
+    /// Each joint as if it were the only one of the body: `[joints]`
+    pub(super) links: Vec<TreeLink>,
 }
 
 /// The coordinate of Rapier's joint that is the coordinate of one of the task's joints.
@@ -37,33 +33,30 @@ pub(super) struct RapierCoordinate {
 
 impl<'a> JointGroup<'a> {
     /// The joints whose child is that of the joint `first`, which is the first of them.
-    pub(super) fn new(first: usize, tree: &'a KinematicTree, task: &'a BodyTask) -> Self {
+    pub(super) fn new(first: usize, task: &'a BodyTask) -> Self {
         let has_same_child = |&joint: &usize| task.joints[joint].child == task.joints[first].child;
         let joints: Vec<_> = (first..task.joints.len()).filter(has_same_child).collect();
-        let first = &tree.links()[first];
-        let motion = |(place, &joint): (usize, &usize)| match tree.links()[joint].motion {
-            // A further slide is given in the child's frame, the first one in the parent's.
-            Motion::Slide(axis) if place > 0 => Motion::Slide(rotated(axis, first.angle)),
-            motion => motion,
-        };
-        let motions = joints.iter().enumerate().map(motion).collect();
-        let hinge = joints
+        let links = joints
             .iter()
-            .map(|&joint| &tree.links()[joint])
-            .find(|link| matches!(link.motion, Motion::Hinge(_)));
+            .map(|&joint| TreeLink::alone(&task.joints[joint], task));
         Self {
-            anchor_in_child: hinge.unwrap_or(first).anchor_in_child,
+            links: links.collect(),
             task,
-            first,
             joints,
-            motions,
         }
+    }
+
+    /// The joint at whose anchor Rapier's joint is: the hinge, if there is one.
+    pub(super) fn anchor(&self) -> &TreeLink {
+        let mut links = self.links.iter();
+        let hinge = links.find(|link| matches!(link.motion, Motion::Hinge(_)));
+        hinge.unwrap_or(&self.links[0])
     }
 
     /// Unit vector along the first slide, in the parent's frame.
     fn first_slide(&self) -> Option<[f64; 2]> {
-        self.motions.iter().find_map(|motion| match motion {
-            Motion::Slide(axis) => Some(*axis),
+        self.links.iter().find_map(|link| match link.motion {
+            Motion::Slide(axis) => Some(axis),
             _ => None,
         })
     }
@@ -71,8 +64,8 @@ impl<'a> JointGroup<'a> {
     /// The coordinate of each joint; welds have none. `[joints of the body]`
     pub(super) fn coordinates(&self) -> Vec<Option<RapierCoordinate>> {
         let mut dof = 0;
-        let coordinate = |motion: &Motion| {
-            let (axis, sign) = match *motion {
+        let coordinate = |link: &TreeLink| {
+            let (axis, sign) = match link.motion {
                 Motion::Weld => return None,
                 Motion::Hinge(sign) => (JointAxis::AngX, sign as f32),
                 Motion::Slide(axis) => match self.first_slide() {
@@ -87,7 +80,7 @@ impl<'a> JointGroup<'a> {
                 dof: dof - 1,
             })
         };
-        self.motions.iter().map(coordinate).collect()
+        self.links.iter().map(coordinate).collect()
     }
 
     /// Rapier's joint; `coms` are the centers of mass of parent and child in their frames.
@@ -101,14 +94,15 @@ impl<'a> JointGroup<'a> {
             Some([x, y]) => Rotation::from_cos_sin_unchecked(x as f32, y as f32),
             None => Rotation::IDENTITY,
         };
-        let reference = Rotation::new(self.first.angle as f32);
+        let anchor = self.anchor();
+        let reference = Rotation::new(anchor.angle as f32);
         let mut joint = GenericJointBuilder::new(locked)
             .local_frame1(Pose::from_parts(
-                vector(self.anchor_in_parent()) - vector(coms[0]),
+                vector(anchor.anchor_in_parent) - vector(coms[0]),
                 axis_rotation,
             ))
             .local_frame2(Pose::from_parts(
-                vector(self.anchor_in_child) - vector(coms[1]),
+                vector(anchor.anchor_in_child) - vector(coms[1]),
                 reference.inverse() * axis_rotation,
             ))
             .contacts_enabled(false)
@@ -120,17 +114,6 @@ impl<'a> JointGroup<'a> {
             }
         }
         joint
-    }
-
-    /// Position of Rapier's joint in the parent's frame at coordinate 0, m.
-    fn anchor_in_parent(&self) -> [f64; 2] {
-        let (first, anchor) = (self.first, self.anchor_in_child);
-        if anchor == first.anchor_in_child {
-            return first.anchor_in_parent;
-        }
-        let [x, y] = [0, 1].map(|axis| anchor[axis] - first.anchor_in_child[axis]);
-        let [x, y] = rotated([x, y], first.angle);
-        [first.anchor_in_parent[0] + x, first.anchor_in_parent[1] + y]
     }
 }
 
@@ -196,14 +179,6 @@ fn range_spring(softness: Softness, substep: f64) -> SpringCoefficients<f32> {
     }
 }
 
-/// The softness of contacts as Rapier takes it.
-pub(super) fn contact_spring(softness: Softness) -> SpringCoefficients<f32> {
-    SpringCoefficients {
-        natural_frequency: softness.natural_frequency as f32,
-        damping_ratio: softness.damping_ratio as f32,
-    }
-}
-
 /// +1 if `b` is `a` turned by a quarter counter-clockwise, −1 if clockwise.
 fn turn_sign(a: [f64; 2], b: [f64; 2]) -> f32 {
     if a[0] * b[1] - a[1] * b[0] > 0.0 {
@@ -211,9 +186,4 @@ fn turn_sign(a: [f64; 2], b: [f64; 2]) -> f32 {
     } else {
         -1.0
     }
-}
-
-fn rotated([x, y]: [f64; 2], angle: f64) -> [f64; 2] {
-    let (sine, cosine) = libm::sincos(angle);
-    [cosine * x - sine * y, sine * x + cosine * y]
 }

@@ -6,6 +6,7 @@ use rapier2d::prelude::{
     RigidBodySet, Vector,
 };
 
+use super::super::constraint::set_motor_target;
 use super::super::vector;
 use super::build::WorldTemplate;
 use super::joint_group::{JointGroup, RapierCoordinate};
@@ -63,8 +64,8 @@ impl Link {
             handle,
             parent: joint.parent.map(|parent| handles[parent]),
             child: handles[joint.child],
-            anchor_in_child: vector(group.anchor_in_child) - vector(com),
-            motion: group.motions[place],
+            anchor_in_child: vector(group.anchor().anchor_in_child) - vector(com),
+            motion: group.links[place].motion,
             coordinate: group.coordinates()[place],
         }
     }
@@ -106,14 +107,7 @@ impl Link {
         let Some(motor) = link.map(|link| &mut link.joint.data.motors[axis as usize]) else {
             return;
         };
-        match target {
-            ServoTarget::Position => motor.target_pos = sign * value,
-            ServoTarget::Velocity => motor.target_vel = sign * value,
-            ServoTarget::Speed { speed, max_force } => {
-                motor.target_vel = sign * value.signum() * speed as f32;
-                motor.max_force = value.abs() * max_force as f32;
-            }
-        }
+        set_motor_target(motor, target, sign, value);
     }
 
     /// Sets position and velocity of a joint whose position is 0.

@@ -33,7 +33,7 @@ impl ContactWorlds {
     #[must_use]
     pub fn new(task: &BodyTask, copies: usize) -> Self {
         let tree = KinematicTree::new(task);
-        let template = WorldTemplate::new(task, &tree);
+        let template = WorldTemplate::new(task);
         Self {
             worlds: (0..copies).map(|_| World::new(&template)).collect(),
             template,
