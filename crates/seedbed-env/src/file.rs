@@ -10,6 +10,7 @@
 mod actuators;
 mod checked;
 mod extends;
+mod joint_tree;
 mod joints;
 mod markers;
 mod resolve;
