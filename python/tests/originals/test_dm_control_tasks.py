@@ -239,11 +239,11 @@ MOTIONS = [
     Motion(case_of("reacher", "easy"), 10, 0.03),
     Motion(case_of("walker", "stand"), 10, 0.2),
     Motion(case_of("cheetah", "run"), 50, 0.2),
-    Motion(case_of("hopper", "stand"), 40, 0.1),
+    Motion(case_of("hopper", "stand"), 40, 0.2),
     Motion(case_of("ball_in_cup", "catch"), 20, 0.006),
     # Dry friction of the spinner is soft in MuJoCo.
-    Motion(case_of("finger", "spin"), 20, 0.02, ratio=2.0),
-    Motion(case_of("finger", "turn_easy"), 20, 0.02, ratio=2.0),
+    Motion(case_of("finger", "spin"), 20, 0.04, ratio=2.0),
+    Motion(case_of("finger", "turn_easy"), 20, 0.04, ratio=2.0),
 ]
 
 
