@@ -62,14 +62,13 @@ pub(super) struct RunProgress {
     /// Environment steps of a resumed run before this process; otherwise 0.
     steps_before: u64,
     /// Number of tenths of the run for which a line was printed.
-    printed_tenths: usize,
+    printed_tenths: u64,
 }
 
 impl RunProgress {
     pub(super) fn new(name: &str) -> Self {
-        let style = ProgressStyle::with_template(
-            "{prefix} {bar:32} {pos}/{len} episodes · {msg} · {eta} left",
-        );
+        let style =
+            ProgressStyle::with_template("{prefix} {bar:32} {pos}/{len} {msg} · {eta} left");
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::no_length().with_prefix(name.to_owned());
             bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
@@ -87,7 +86,7 @@ impl Observer for RunProgress {
     fn begun(&mut self, progress: &Progress) {
         (self.started, self.steps_before) = (Instant::now(), progress.env_steps);
         if let Some(bar) = &self.bar {
-            bar.set_length(progress.max_episodes as u64);
+            bar.set_length(Played::of(progress).max);
         }
     }
 
@@ -99,12 +98,13 @@ impl Observer for RunProgress {
             "mean return {:.1} · {rate} env steps/s",
             progress.recent_return
         );
+        let played = Played::of(progress);
         match &self.bar {
             Some(bar) => {
-                bar.set_position(progress.episodes as u64);
-                bar.set_message(message);
+                bar.set_position(played.count);
+                bar.set_message(format!("{} · {message}", played.unit));
             }
-            None => self.print_line(progress, &message),
+            None => self.print_line(&played, &message),
         }
     }
 
@@ -117,15 +117,36 @@ impl Observer for RunProgress {
 }
 
 impl RunProgress {
-    fn print_line(&mut self, progress: &Progress, message: &str) {
-        let tenths = 10 * progress.episodes / progress.max_episodes.max(1);
+    fn print_line(&mut self, played: &Played, message: &str) {
+        let tenths = 10 * played.count / played.max.max(1);
         if tenths > self.printed_tenths {
             self.printed_tenths = tenths;
-            note!(
-                "{}/{} episodes · {message}",
-                progress.episodes,
-                progress.max_episodes
-            );
+            let Played { count, max, unit } = played;
+            note!("{count}/{max} {unit} · {message}");
+        }
+    }
+}
+
+/// How much of a run has been played, in the unit after which it ends.
+struct Played {
+    count: u64,
+    max: u64,
+    unit: &'static str,
+}
+
+impl Played {
+    fn of(progress: &Progress) -> Self {
+        match progress.max_env_steps {
+            Some(max) => Self {
+                count: progress.env_steps.min(max),
+                max,
+                unit: "env steps",
+            },
+            None => Self {
+                count: progress.episodes as u64,
+                max: progress.max_episodes as u64,
+                unit: "episodes",
+            },
         }
     }
 }

@@ -42,7 +42,8 @@ impl Plan {
         let length = u64::from(spec.time_limit.min(10_000));
         let episodes = u64::from(scenario.stop.max_episodes());
         let product = |factors: &[u64]| factors.iter().copied().fold(1, u64::saturating_mul);
-        let steps = product(&[agents.into(), episodes, length]);
+        let most_steps = product(&[agents.into(), episodes, length]);
+        let steps = most_steps.min(scenario.stop.max_env_steps().unwrap_or(u64::MAX));
         let episodes_per_round = match scenario.schedule {
             Schedule::Synchronous { episodes } => u64::from(episodes.get()),
             Schedule::Asynchronous { .. } | Schedule::Lockstep { .. } => 1,

@@ -123,6 +123,8 @@ pub struct Progress {
     pub recent_return: f64,
     /// Number of environment steps of the whole team.
     pub env_steps: u64,
+    /// Number of environment steps of the whole team after which the run ends, if it is set.
+    pub max_env_steps: Option<u64>,
 }
 
 /// How a run ended.
@@ -590,5 +592,6 @@ fn progress(plan: &Plan, trainer: &Trainer) -> Progress {
             .recent_return(FINAL_WINDOW)
             .unwrap_or(0.0),
         env_steps: trainer.measures().env_steps(),
+        max_env_steps: plan.scenario.stop.max_env_steps(),
     }
 }

@@ -568,8 +568,17 @@ impl Trainer {
     fn measures_say_done(&self) -> bool {
         let stop = &self.settings.stop;
         let ends_when_solved = matches!(stop, Stop::Solved { .. });
+        self.has_played_enough() || (ends_when_solved && self.is_solved())
+    }
+
+    /// Whether the episodes or environment steps after which `stop` ends the run, solved or not,
+    /// have been played.
+    #[must_use]
+    pub fn has_played_enough(&self) -> bool {
+        let stop = &self.settings.stop;
+        let max_steps = stop.max_env_steps();
         self.measures.episodes_per_agent() >= stop.max_episodes() as usize
-            || (ends_when_solved && self.is_solved())
+            || max_steps.is_some_and(|max| self.measures.env_steps() >= max)
     }
 
     /// Whether the newest full window of episodes counts as solving the task.

@@ -125,6 +125,13 @@ pub enum Stop {
         /// Max number of episodes per agent, after which the run ends in any case.
         at_most: Count,
     },
+    /// After the round in which the team has made a number of environment steps in total.
+    Steps {
+        /// Number of environment steps of the whole team.
+        team: Count,
+        /// Max number of episodes per agent, after which the run ends in any case.
+        at_most: Count,
+    },
 }
 
 impl Schedule {
@@ -146,7 +153,19 @@ impl Stop {
     #[must_use]
     pub fn max_episodes(&self) -> u32 {
         match self {
-            Self::Episodes(count) | Self::Solved { at_most: count, .. } => count.get(),
+            Self::Episodes(count)
+            | Self::Solved { at_most: count, .. }
+            | Self::Steps { at_most: count, .. } => count.get(),
+        }
+    }
+
+    /// Number of environment steps of the whole team after which the run ends; `None` if the run
+    /// does not depend on it.
+    #[must_use]
+    pub fn max_env_steps(&self) -> Option<u64> {
+        match self {
+            Self::Steps { team, .. } => Some(u64::from(team.get())),
+            Self::Episodes(_) | Self::Solved { .. } => None,
         }
     }
 
@@ -161,10 +180,12 @@ impl Stop {
                 r#return: r#return.get(),
                 window: window.get() as usize,
             }),
-            Self::Episodes(_) => task.reward_threshold.map(|r#return| Threshold {
-                r#return: f64::from(r#return),
-                window: DEFAULT_WINDOW as usize,
-            }),
+            Self::Episodes(_) | Self::Steps { .. } => {
+                task.reward_threshold.map(|r#return| Threshold {
+                    r#return: f64::from(r#return),
+                    window: DEFAULT_WINDOW as usize,
+                })
+            }
         }
     }
 }

@@ -111,6 +111,7 @@ fn progress(plan: &TabularPlan, team: &TabularTeam, episodes: &[Episode]) -> Pro
     Progress {
         episodes: episodes.len(),
         max_episodes: plan.team_episodes(),
+        max_env_steps: None,
         recent_return: sum / recent.len().max(1) as f64,
         env_steps: team.steps(),
     }

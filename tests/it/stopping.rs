@@ -244,3 +244,50 @@ fn changed_tables_are_refused() {
     assert!(errors.contains(expected), "{errors}");
     assert_eq!(fs::read(&table).unwrap(), changed, "the table is kept");
 }
+
+/// The environment steps of the team after each episode, as `episodes.csv` says.
+fn steps_after_episodes(folder: &Path) -> Vec<u64> {
+    let text = fs::read_to_string(folder.join("episodes.csv")).unwrap();
+    let mut lines = text.lines();
+    let column = lines
+        .next()
+        .and_then(|header| header.split(',').position(|name| name == "env_steps"))
+        .unwrap();
+    lines
+        .map(|line| line.split(',').nth(column).unwrap().parse().unwrap())
+        .collect()
+}
+
+#[test]
+fn a_run_ends_after_the_round_in_which_the_team_has_made_its_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let stop = "stop=Steps(team: 500, at_most: 300)";
+    let agents = "agents.count=2";
+    let output = run_command(&path, &["--set", agents, "--set", stop])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("500/500 env steps"),
+        "{}",
+        stderr(&output)
+    );
+    let steps = steps_after_episodes(&path);
+    assert!(steps.len() > 4, "{steps:?}");
+    assert!(steps[steps.len() - 1] >= 500, "{steps:?}");
+    // Two episodes are a round.
+    assert!(steps[steps.len() - 3] < 500, "{steps:?}");
+}
+
+#[test]
+fn a_run_that_ends_after_steps_has_a_maximum_of_episodes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let stop = "stop=Steps(team: 1000000, at_most: 3)";
+    let output = run_command(&path, &["--set", "agents.count=2", "--set", stop])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(steps_after_episodes(&path).len(), 6);
+}

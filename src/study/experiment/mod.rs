@@ -214,9 +214,9 @@ fn measure_one_by_one<E: Experiment + ?Sized>(
 pub enum StopRule {
     /// As the stopping rule of the scenario says.
     Scenario,
-    /// After the scenario's maximum number of episodes, solved or not.
+    /// After the scenario's maximum number of episodes or environment steps, solved or not.
     MaxEpisodes,
-    /// When the task is solved, or after the scenario's maximum number of episodes.
+    /// When the task is solved, or after the scenario's maximum number of episodes or steps.
     Solved,
 }
 

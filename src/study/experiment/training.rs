@@ -105,7 +105,7 @@ impl Experiment for Plan {
         let new_trainer = || Trainer::from_scenario(&scenario, &self.description, 1);
         let checkpoint = own_checkpoint(self, run_seed, windows, control, 1);
         let (mut trainer, mut run) = ActiveRun::begin(new_trainer, run_seed, windows, checkpoint)?;
-        while !is_done(&trainer, &scenario, stop_rule) {
+        while !is_done(&trainer, stop_rule) {
             let is_interrupted = control.is_interrupted();
             run.update_checkpoint(&trainer, is_interrupted);
             if is_interrupted {
@@ -205,7 +205,7 @@ fn measure_in_world(
         };
         let trainer = world.trainer(place);
         let round = round.map(|round| run.measured.add_round(trainer, &round.rows));
-        if round.is_err() || is_done(trainer, &plan.scenario, stop_rule) {
+        if round.is_err() || is_done(trainer, stop_rule) {
             let failure = round.map_err(|diverged| diverged.to_string());
             world.end(place);
             queue.finish(&request, failure.map(|()| run.measured.finish()));
@@ -300,13 +300,11 @@ impl<'a> ActiveRun<'a> {
     }
 }
 
-fn is_done(trainer: &Trainer, scenario: &Scenario, stop_rule: StopRule) -> bool {
-    let has_all_episodes =
-        trainer.measures().episodes_per_agent() >= scenario.max_episodes() as usize;
+fn is_done(trainer: &Trainer, stop_rule: StopRule) -> bool {
     match stop_rule {
         StopRule::Scenario => trainer.is_done(),
-        StopRule::MaxEpisodes => has_all_episodes,
-        StopRule::Solved => has_all_episodes || trainer.is_solved(),
+        StopRule::MaxEpisodes => trainer.has_played_enough(),
+        StopRule::Solved => trainer.has_played_enough() || trainer.is_solved(),
     }
 }
 
