@@ -230,7 +230,7 @@ MOTIONS = [
     Motion(case_of("gym_inverted_pendulum"), 25, 0.02),
     Motion(case_of("gym_inverted_double_pendulum"), 10, 0.05),
     Motion(case_of("gym_reacher"), 50, 0.05),
-    Motion(case_of("gym_swimmer"), 50, 0.2),
+    Motion(case_of("gym_swimmer"), 50, 0.05),
     Motion(case_of("gym_hopper"), 50, 0.01),
     Motion(case_of("gym_walker2d"), 10, 0.05),
     Motion(case_of("gym_half_cheetah"), 10, 0.15),

@@ -209,8 +209,8 @@ fn surface(geom: &Geom) -> Surface {
     }
 }
 
-/// Half of the length that is drawn of an infinite line, m.
-const HALF_DRAWN_LENGTH: i16 = 100;
+/// Half of the length that is drawn of an infinite line, m: as far as a fast walker gets in an episode.
+const HALF_DRAWN_LENGTH: i16 = 500;
 
 /// The shape as it is drawn.
 pub(super) fn shape(geom: &Geom) -> Shape {

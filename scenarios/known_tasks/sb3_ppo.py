@@ -1,0 +1,86 @@
+#!/usr/bin/env python3
+"""Trains PPO of Stable-Baselines3 in known tasks, through the Python package, and writes one Monitor file per run.
+
+    sb3_ppo.py gym_hopper dm_walker_walk --seeds 1000 1001 1002      a run of each task with each seed
+    sb3_ppo.py --jobs 2                                               all tasks
+    sb3_ppo.py dm_cartpole_swingup --steps 300000 --out /tmp/sb3
+
+Settings are those of RL Zoo for MuJoCo's tasks (`mujoco-defaults`), which are the library's defaults with normalized observations and
+rewards, in eight copies with rollouts of 256 steps, which are as many steps per update as one copy with 2048. The step size falls
+linearly to 0, as in CleanRL. Files are written to OUT/TASK/SEED/, in which `*.monitor.csv` has one row per episode; finished runs are skipped.
+
+Needs the packages seedbed and stable-baselines3==2.9.2. Each run uses one thread.
+"""
+
+from __future__ import annotations
+
+import argparse
+import concurrent.futures
+import os
+import shutil
+import time
+from pathlib import Path
+
+COPIES, ROLLOUT = 8, 256
+
+FOLDER = Path(__file__).parent
+
+
+def train(task: str, seed: int, steps: int, out: Path) -> str:
+    """One run. Its folder appears when it has ended."""
+    os.environ["OMP_NUM_THREADS"] = "1"
+    import gymnasium
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.monitor import Monitor
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    import seedbed
+
+    torch.set_num_threads(1)
+    folder = out / task / str(seed)
+    if folder.is_dir():
+        return f"{task} {seed}: there already"
+    unfinished = folder.with_name(f"{seed}.unfinished")
+    shutil.rmtree(unfinished, ignore_errors=True)
+    unfinished.mkdir(parents=True)
+
+    def copy(index: int) -> gymnasium.Env:
+        return Monitor(seedbed.make(task), str(unfinished / str(index)))
+
+    copies = DummyVecEnv([lambda index=index: copy(index) for index in range(COPIES)])
+    copies.seed(seed)
+    environments = VecNormalize(copies)
+    model = PPO("MlpPolicy", environments, n_steps=ROLLOUT, learning_rate=lambda left: 3e-4 * left, seed=seed, device="cpu")
+    start = time.process_time()
+    model.learn(steps)
+    environments.close()
+    unfinished.rename(folder)
+    return f"{task} {seed}: {steps / (time.process_time() - start):.0f} steps per CPU second"
+
+
+def tasks() -> list[str]:
+    """All tasks that have a scenario in this folder."""
+    return sorted(path.stem for path in FOLDER.glob("*.ron") if path.stem.startswith(("dm_", "gym_")))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tasks", nargs="*", help="names of tasks (all that have a scenario here)")
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1000, 1001, 1002], help="(1000 1001 1002)")
+    parser.add_argument("--steps", type=int, default=1_000_000, help="environment steps of a run, in all copies (1000000)")
+    parser.add_argument("--jobs", type=int, default=1, help="simultaneous runs (1)")
+    parser.add_argument("--out", type=Path, default=Path("recordings/sb3"), help="(recordings/sb3)")
+    arguments = parser.parse_args()
+    with concurrent.futures.ProcessPoolExecutor(arguments.jobs, max_tasks_per_child=1) as pool:
+        runs = [
+            pool.submit(train, task, seed, arguments.steps, arguments.out)
+            for seed in arguments.seeds
+            for task in arguments.tasks or tasks()
+        ]
+        for run in concurrent.futures.as_completed(runs):
+            print(run.result(), flush=True)
+
+
+if __name__ == "__main__":
+    main()
