@@ -128,7 +128,7 @@ pub enum Stop {
     /// After the round in which the team has made a number of environment steps in total.
     Steps {
         /// Number of environment steps of the whole team.
-        team: Count,
+        team: Count<4_000_000_000>,
         /// Max number of episodes per agent, after which the run ends in any case.
         at_most: Count,
     },
