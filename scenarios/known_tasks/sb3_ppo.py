@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Trains PPO of Stable-Baselines3 in known tasks, through the Python package, and writes one Monitor file per run.
+"""Trains PPO of Stable-Baselines3 in known tasks, through the Python package, and writes a file of episodes per run.
 
     sb3_ppo.py gym_hopper dm_walker_walk --seeds 1000 1001 1002      a run of each task with each seed
     sb3_ppo.py --jobs 2                                               all tasks
@@ -7,7 +7,7 @@
 
 Settings are those of RL Zoo for MuJoCo's tasks (`mujoco-defaults`), which are the library's defaults with normalized observations and
 rewards, in eight copies with rollouts of 256 steps, which are as many steps per update as one copy with 2048. The step size falls
-linearly to 0, as in CleanRL. Files are written to OUT/TASK/SEED/, in which `*.monitor.csv` has one row per episode; finished runs are skipped.
+linearly to 0, as in CleanRL. A run's episodes are written to OUT/TASK/SEED.monitor.csv; finished runs are skipped.
 
 Needs the packages seedbed and stable-baselines3==2.9.2. Each run uses one thread.
 """
@@ -17,7 +17,6 @@ from __future__ import annotations
 import argparse
 import concurrent.futures
 import os
-import shutil
 import time
 from pathlib import Path
 
@@ -27,35 +26,27 @@ FOLDER = Path(__file__).parent
 
 
 def train(task: str, seed: int, steps: int, out: Path) -> str:
-    """One run. Its folder appears when it has ended."""
+    """One run. Its file appears when it has ended."""
     os.environ["OMP_NUM_THREADS"] = "1"
-    import gymnasium
     import torch
     from stable_baselines3 import PPO
-    from stable_baselines3.common.monitor import Monitor
-    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
     import seedbed
 
     torch.set_num_threads(1)
-    folder = out / task / str(seed)
-    if folder.is_dir():
+    file, unfinished = (out / task / f"{seed}.{ending}" for ending in ("monitor.csv", "unfinished.monitor.csv"))
+    if file.is_file():
         return f"{task} {seed}: there already"
-    unfinished = folder.with_name(f"{seed}.unfinished")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    unfinished.mkdir(parents=True)
-
-    def copy(index: int) -> gymnasium.Env:
-        return Monitor(seedbed.make(task), str(unfinished / str(index)))
-
-    copies = DummyVecEnv([lambda index=index: copy(index) for index in range(COPIES)])
+    unfinished.parent.mkdir(parents=True, exist_ok=True)
+    copies = DummyVecEnv([lambda: seedbed.make(task)] * COPIES)
     copies.seed(seed)
-    environments = VecNormalize(copies)
+    environments = VecNormalize(VecMonitor(copies, str(unfinished)))
     model = PPO("MlpPolicy", environments, n_steps=ROLLOUT, learning_rate=lambda left: 3e-4 * left, seed=seed, device="cpu")
     start = time.process_time()
     model.learn(steps)
     environments.close()
-    unfinished.rename(folder)
+    unfinished.rename(file)
     return f"{task} {seed}: {steps / (time.process_time() - start):.0f} steps per CPU second"
 
 

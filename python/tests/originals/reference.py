@@ -57,10 +57,11 @@ def mujoco_state(env: seedbed.Env, model: Any, names: Names | None = None) -> tu
 def without_contacts(text: str) -> str:
     """The text of a task in which nothing touches, joints have no range, and there are no ropes.
 
-    Its joints are simulated in the same way: a floor far away keeps the coordinates that soft ranges need.
+    Its joints are simulated in the same way: a floor far away keeps the coordinates that soft ranges of hinges need.
     """
     text = re.sub(r"\n    ropes: .*", "", text)
-    if "range_softness: " in text and "\n    colliders: " not in text:
+    soft_hinge = re.search(r"type: Hinge\([^()]*\),\s*range: \([^()]*\), range_softness", text)
+    if soft_hinge and "\n    colliders: " not in text:
         floor = "\n    colliders: [(geom: HalfSpace(point: (0.0, -1e3), normal: (0.0, 1.0)))],"
         text = text.replace("\n    bodies: ", floor + "\n    bodies: ")
     text = re.sub(r", contype: \d+, conaffinity: \d+", "", text)
