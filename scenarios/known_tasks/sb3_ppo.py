@@ -3,7 +3,7 @@
 
     sb3_ppo.py gym_hopper dm_walker_walk --seeds 1000 1001 1002      a run of each task with each seed
     sb3_ppo.py --jobs 2                                               all tasks
-    sb3_ppo.py dm_cartpole_swingup --steps 300000 --out /tmp/sb3
+    sb3_ppo.py --table > results/sb3.csv                              one row per finished run
 
 Settings are those of RL Zoo for MuJoCo's tasks (`mujoco-defaults`), which are the library's defaults with normalized observations and
 rewards, in eight copies with rollouts of 256 steps, which are as many steps per update as one copy with 2048. The step size falls
@@ -16,7 +16,9 @@ from __future__ import annotations
 
 import argparse
 import concurrent.futures
+import csv
 import os
+import statistics
 import time
 from pathlib import Path
 
@@ -55,6 +57,18 @@ def tasks() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.ron") if path.stem.startswith(("dm_", "gym_")))
 
 
+def print_table(out: Path) -> None:
+    """Prints the environment steps of all finished runs, and the mean return of the last 100 episodes, as in the study `learning`."""
+    print("task,run_seed,env_steps,final_return")
+    for file in sorted(out.glob("*/*.monitor.csv")):
+        seed = file.name.removesuffix(".monitor.csv")
+        if seed.isdigit():
+            with file.open() as lines:
+                episodes = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+            mean = statistics.fmean(float(episode["r"]) for episode in episodes[-100:])
+            print(f"{file.parent.name},{seed},{sum(int(episode['l']) for episode in episodes)},{mean:.4f}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("tasks", nargs="*", help="names of tasks (all that have a scenario here)")
@@ -62,7 +76,10 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=1_000_000, help="environment steps of a run, in all copies (1000000)")
     parser.add_argument("--jobs", type=int, default=1, help="simultaneous runs (1)")
     parser.add_argument("--out", type=Path, default=Path("recordings/sb3"), help="(recordings/sb3)")
+    parser.add_argument("--table", action="store_true", help="print the results of finished runs, and run nothing")
     arguments = parser.parse_args()
+    if arguments.table:
+        return print_table(arguments.out)
     with concurrent.futures.ProcessPoolExecutor(arguments.jobs, max_tasks_per_child=1) as pool:
         runs = [
             pool.submit(train, task, seed, arguments.steps, arguments.out)

@@ -123,6 +123,36 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "scenarios/swingup_team_seed_ensemble.ron",
     "scenarios/swingup_vime.ron",
     "scenarios/two_poles.ron",
+    "scenarios/known_tasks/dm_acrobot_swingup.ron",
+    "scenarios/known_tasks/dm_acrobot_swingup_sparse.ron",
+    "scenarios/known_tasks/dm_ball_in_cup_catch.ron",
+    "scenarios/known_tasks/dm_cartpole_balance.ron",
+    "scenarios/known_tasks/dm_cartpole_balance_sparse.ron",
+    "scenarios/known_tasks/dm_cartpole_swingup.ron",
+    "scenarios/known_tasks/dm_cartpole_swingup_sparse.ron",
+    "scenarios/known_tasks/dm_cheetah_run.ron",
+    "scenarios/known_tasks/dm_finger_spin.ron",
+    "scenarios/known_tasks/dm_finger_turn_easy.ron",
+    "scenarios/known_tasks/dm_finger_turn_hard.ron",
+    "scenarios/known_tasks/dm_hopper_hop.ron",
+    "scenarios/known_tasks/dm_hopper_stand.ron",
+    "scenarios/known_tasks/dm_pendulum_swingup.ron",
+    "scenarios/known_tasks/dm_point_mass_easy.ron",
+    "scenarios/known_tasks/dm_reacher_easy.ron",
+    "scenarios/known_tasks/dm_reacher_hard.ron",
+    "scenarios/known_tasks/dm_walker_run.ron",
+    "scenarios/known_tasks/dm_walker_stand.ron",
+    "scenarios/known_tasks/dm_walker_walk.ron",
+    "scenarios/known_tasks/gym_bipedal_walker.ron",
+    "scenarios/known_tasks/gym_half_cheetah.ron",
+    "scenarios/known_tasks/gym_hopper.ron",
+    "scenarios/known_tasks/gym_inverted_double_pendulum.ron",
+    "scenarios/known_tasks/gym_inverted_pendulum.ron",
+    "scenarios/known_tasks/gym_lunar_lander.ron",
+    "scenarios/known_tasks/gym_lunar_lander_continuous.ron",
+    "scenarios/known_tasks/gym_reacher.ron",
+    "scenarios/known_tasks/gym_swimmer.ron",
+    "scenarios/known_tasks/gym_walker2d.ron",
     "scenarios/tabular/bipolar_chain.ron",
     "scenarios/tabular/bipolar_chain_thompson.ron",
     "scenarios/tabular/bipolar_chain_ucrl.ron",
@@ -197,8 +227,16 @@ mod tests {
 
     #[test]
     fn all_tasks_and_scenarios_are_built_in() {
-        let folders = ["envs", "envs/mistakes", "scenarios", "scenarios/tabular"];
-        let expected: Vec<String> = folders.into_iter().flat_map(files_in).collect();
+        let folders = [
+            "envs",
+            "envs/mistakes",
+            "scenarios",
+            "scenarios/known_tasks",
+            "scenarios/tabular",
+        ];
+        let is_study = |path: &String| path.ends_with("/learning.ron");
+        let files = folders.into_iter().flat_map(files_in);
+        let expected: Vec<String> = files.filter(|path| !is_study(path)).collect();
         let found: Vec<&str> = BUILTIN_FILES.iter().map(|file| file.path).collect();
         assert_eq!(found, expected);
     }
