@@ -124,14 +124,7 @@ impl Generator {
             ));
             overrides.push(format!("seed={}", random.random::<u64>()));
         }
-        parts.push(if random.random() {
-            "stop: Episodes(3)".to_owned()
-        } else {
-            format!(
-                "stop: Solved(return: {:?}, window: 2, at_most: 3)",
-                number(random)
-            )
-        });
+        parts.push(stop(random));
         (format!("Scenario({})", parts.join(", ")), overrides)
     }
 
@@ -143,6 +136,20 @@ impl Generator {
             collect_keywords(schema, &mut keywords);
         }
         keywords
+    }
+}
+
+fn stop(random: &mut Stream) -> String {
+    match random.random_range(0..4) {
+        0 => format!(
+            "stop: Steps(team: {}, at_most: 3)",
+            random.random_range(1..100)
+        ),
+        1 => format!(
+            "stop: Solved(return: {:?}, window: 2, at_most: 3)",
+            number(random)
+        ),
+        _ => "stop: Episodes(3)".to_owned(),
     }
 }
 
