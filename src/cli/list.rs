@@ -192,11 +192,13 @@ fn describe_study(plan: &StudyPlan) -> String {
 
 fn describe_scenario(plan: &Plan) -> String {
     let agents = pluralize(plan.scenario.agents.count.get() as usize, "agent");
-    let episodes = pluralize(plan.scenario.max_episodes() as usize, "episode");
-    format!(
-        "{agents} in {}, at most {episodes} each",
-        plan.description.spec().name
-    )
+    let task = &plan.description.spec().name;
+    let stop = &plan.scenario.stop;
+    if let Some(steps) = stop.max_env_steps() {
+        return format!("{agents} in {task}, {steps} env steps");
+    }
+    let episodes = pluralize(stop.max_episodes() as usize, "episode");
+    format!("{agents} in {task}, at most {episodes} each")
 }
 
 /// Files of one place, which are listed together.
