@@ -1,10 +1,12 @@
-//! Signals that ask a run to stop, and output that cannot be written.
+//! How runs end: after environment steps, by signals, and although output cannot be written.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
+use super::study::{result_rows, run_study, study_text, write_study};
 use super::util::{
     assert_same_results, command, run_command, seedbed, send_signal, small_run, stderr, wait_until,
 };
@@ -247,14 +249,9 @@ fn changed_tables_are_refused() {
 
 /// The environment steps of the team after each episode, as `episodes.csv` says.
 fn steps_after_episodes(folder: &Path) -> Vec<u64> {
-    let text = fs::read_to_string(folder.join("episodes.csv")).unwrap();
-    let mut lines = text.lines();
-    let column = lines
-        .next()
-        .and_then(|header| header.split(',').position(|name| name == "env_steps"))
-        .unwrap();
-    lines
-        .map(|line| line.split(',').nth(column).unwrap().parse().unwrap())
+    let mut reader = csv::Reader::from_path(folder.join("episodes.csv")).unwrap();
+    let rows = reader.deserialize::<BTreeMap<String, String>>();
+    rows.map(|row| row.unwrap()["env_steps"].parse().unwrap())
         .collect()
 }
 
@@ -290,4 +287,20 @@ fn a_run_that_ends_after_steps_has_a_maximum_of_episodes() {
         .unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(steps_after_episodes(&path).len(), 6);
+}
+
+#[test]
+fn runs_of_a_study_end_after_the_steps_of_the_scenario() {
+    let text = study_text(3, "").replace("Episodes(8)", "Steps(team: 300, at_most: 100)");
+    assert!(text.contains("Steps(team: 300"), "{text}");
+    let (_folder, study, out) = write_study(&text);
+    let output = run_study(&study, &out, &[]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let rows = result_rows(&out);
+    assert_eq!(rows.len(), 9);
+    for row in rows {
+        let env_steps: u32 = row["env_steps"].parse().unwrap();
+        // The last round, of two early episodes, has much less than 200 steps.
+        assert!((300..500).contains(&env_steps), "{row:?}");
+    }
 }

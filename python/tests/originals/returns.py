@@ -88,7 +88,7 @@ def actions(space: Any) -> dict[str, Action]:
 
 def shown(value: float, digits: int = 3) -> str:
     """A number with this many digits; nearly nothing is 0."""
-    return f"{value:.{digits}g}" if abs(value) >= 5e-4 else "0"
+    return np.format_float_positional(value, digits, fractional=False, trim="-") if abs(value) >= 5e-4 else "0"
 
 
 def cell(values: Any) -> str:

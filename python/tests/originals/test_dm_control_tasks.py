@@ -242,8 +242,8 @@ MOTIONS = [
     Motion(case_of("hopper", "stand"), 40, 0.2),
     Motion(case_of("ball_in_cup", "catch"), 20, 0.006),
     # Dry friction of the spinner is soft in MuJoCo.
-    Motion(case_of("finger", "spin"), 20, 0.04, ratio=2.0),
-    Motion(case_of("finger", "turn_easy"), 20, 0.04, ratio=2.0),
+    Motion(case_of("finger", "spin"), 20, 0.03, ratio=2.0),
+    Motion(case_of("finger", "turn_easy"), 20, 0.03, ratio=2.0),
 ]
 
 

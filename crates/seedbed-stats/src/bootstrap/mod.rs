@@ -1,7 +1,7 @@
 //! Stratified percentile bootstrap: 95 % confidence intervals of any statistic.
 //!
 //! Runs are resampled with replacement within each stratum (usually a task), never across strata
-//! (Agarwal et al. 2021, §4.1; `rliable.library.StratifiedBootstrap`).
+//! (Agarwal et al. 2021, §4.1; `StratifiedBootstrap` of their package rliable).
 //!
 //! ```
 //! use seedbed_stats::aggregate::{mean, mean_of_tasks};
