@@ -4,9 +4,9 @@ use seedbed_env::{Pose, Scene, SceneBody, Shape};
 use seedbed_figure::color::{MUTED_COLOR, TEXT_COLOR, agent_color};
 use seedbed_figure::{Color, DrawnShape};
 
-use crate::record::outline::{outline, scene_point};
+use crate::record::outline::{outline, rope_line, scene_point};
 
-/// The shapes of all bodies in one state, on top of the lines of the ground of the episode.
+/// The shapes of all bodies in one state, on top of the lines of the ground of the episode and of ropes.
 pub(super) fn shapes(
     scene: &Scene,
     poses: &[Pose],
@@ -20,7 +20,14 @@ pub(super) fn shapes(
     let ground = terrain
         .iter()
         .map(|line| drawn_shape(line, Some(0.0), Pose::default(), camera, MUTED_COLOR));
-    let mut drawn: Vec<_> = ground.collect();
+    let ropes = scene.ropes.iter().map(|rope| DrawnShape {
+        points: rope_line(rope, poses)
+            .map(|[x, y]| [x - camera[0], y - camera[1]])
+            .to_vec(),
+        color: MUTED_COLOR,
+        thickness: Some(0.0),
+    });
+    let mut drawn: Vec<_> = ground.chain(ropes).collect();
     for (body, pose) in scene.bodies.iter().zip(poses) {
         let color = color(body, moving_before, agent);
         moving_before += u32::from(!body.is_fixed);
@@ -74,10 +81,17 @@ fn drawn_shape(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use seedbed_env::{SceneRope, SceneRopeEnd};
+
+    /// From the point (0, 3) of the world to the upper end of the rod.
+    fn rope_from_world_to_rod() -> SceneRope {
+        let end = |body, at| SceneRopeEnd { body, at };
+        SceneRope([end(None, [0.0, 3.0]), end(Some(0), [0.0, 0.5])])
+    }
 
     /// The camera follows a rod at (2, 1) above ground that slopes from 0.5 m to 0 m.
     #[test]
-    fn the_ground_is_behind_the_bodies_and_moves_past_the_camera() {
+    fn ground_and_ropes_are_behind_the_bodies_and_move_past_the_camera() {
         let rod = Shape::Capsule {
             from: [0.0, 0.0],
             to: [0.0, 0.5],
@@ -91,6 +105,7 @@ mod tests {
                 hinge: None,
             }],
             tracked: Some(0),
+            ropes: vec![rope_from_world_to_rod()],
         };
         let pose = Pose {
             x: 2.0,
@@ -98,11 +113,13 @@ mod tests {
             angle: 0.0,
         };
         let drawn = shapes(&scene, &[pose], &[vec![[3.0, 0.0], [0.0, 0.5]]], 0);
-        let [ground, rod] = &drawn[..] else {
+        let [ground, rope, rod] = &drawn[..] else {
             panic!("{drawn:?}");
         };
         assert_eq!(ground.points, [[1.0, 1.0], [-2.0, 0.5]]);
         assert_eq!((ground.color, ground.thickness), (MUTED_COLOR, Some(0.0)));
+        assert_eq!(rope.points, [[-2.0, -2.0], [0.0, -0.5]]);
+        assert_eq!((rope.color, rope.thickness), (MUTED_COLOR, Some(0.0)));
         assert_eq!(rod.points, [[0.0, 0.0], [0.0, -0.5]]);
     }
 }

@@ -2,7 +2,7 @@
 //! has the smaller number.
 
 use super::outline::{outline, scene_point};
-use seedbed_env::{Pose, Scene, SceneBody, Shape};
+use seedbed_env::{Pose, Scene, SceneBody, SceneRope, Shape};
 
 /// Left, right, upper and lower end of a rectangle.
 pub(crate) type Bounds = [f32; 4];
@@ -33,7 +33,7 @@ pub(crate) fn episode_bounds(
     }
     Some(bounds_of_fixed_and_moving_bodies(
         moving,
-        &fixed_bounds(&scene.bodies, frames().next()?),
+        &fixed_bounds(scene, frames().next()?),
         line_overhang(&scene.bodies),
         terrain,
     ))
@@ -99,15 +99,22 @@ fn moving_bounds(scene: &Scene, frame: &[Pose]) -> Option<Bounds> {
         .reduce(union)
 }
 
-/// Bounds of each shape of the fixed bodies, and whether the shape is an open line.
-fn fixed_bounds(bodies: &[SceneBody], frame: &[Pose]) -> Vec<(Bounds, bool)> {
-    let fixed = bodies.iter().zip(frame).filter(|(body, _)| body.is_fixed);
+/// Bounds of each shape of the fixed bodies and of each point of the world that a rope is tied to, and
+/// whether they are those of an open line.
+fn fixed_bounds(scene: &Scene, frame: &[Pose]) -> Vec<(Bounds, bool)> {
+    let bodies = scene.bodies.iter().zip(frame);
+    let fixed = bodies.filter(|(body, _)| body.is_fixed);
     let shapes = fixed.flat_map(|(body, pose)| body.shapes.iter().map(|shape| (shape, *pose)));
     let bounds_of_shape = |(shape, pose): (&Shape, Pose)| match shape {
         Shape::Polyline(points) => Some((bounds(points, pose)?, true)),
         closed_shape => Some((bounds(&outline(closed_shape)?, pose)?, false)),
     };
-    shapes.filter_map(bounds_of_shape).collect()
+    let rope_ends = scene.ropes.iter().flat_map(|SceneRope(ends)| ends);
+    let tied_to_world = rope_ends.filter(|end| end.body.is_none());
+    shapes
+        .filter_map(bounds_of_shape)
+        .chain(tied_to_world.map(|end| ([end.at[0], end.at[0], -end.at[1], -end.at[1]], false)))
+        .collect()
 }
 
 /// Extends bounds to the nearest point of a part if that point is at most `distance` away.
@@ -245,6 +252,7 @@ pub(crate) fn extent([left, right, top, bottom]: Bounds) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use seedbed_env::SceneRopeEnd;
 
     fn body(name: &str, is_fixed: bool, shapes: Vec<Shape>) -> SceneBody {
         SceneBody {
@@ -273,6 +281,7 @@ mod tests {
         Scene {
             bodies: vec![body("world", true, walls), body("ball", false, vec![ball])],
             tracked: None,
+            ropes: Vec::new(),
         }
     }
 
@@ -331,6 +340,7 @@ mod tests {
         let scene = Scene {
             bodies,
             tracked: None,
+            ropes: Vec::new(),
         };
         // The cart has a radius of 0.5 m and may be at either end of the rail: 6 m plus 5 % on each
         // side. The pole has a radius of 1 m.
@@ -365,6 +375,7 @@ mod tests {
         let scene = Scene {
             bodies: vec![body("rod", false, vec![rod])],
             tracked: None,
+            ropes: Vec::new(),
         };
         // The bounds contain a disc with a radius of 1.1 m about the pivot, plus 5 % of 2.2 m on
         // each side.
@@ -384,11 +395,29 @@ mod tests {
     /// A ball with a radius of 0.2 m.
     fn free_ball(tracked: Option<usize>) -> Scene {
         let bodies = ball_between_walls().bodies.split_off(1);
-        Scene { bodies, tracked }
+        Scene {
+            bodies,
+            tracked,
+            ropes: Vec::new(),
+        }
     }
 
     fn ball_at(x: f32, y: f32) -> Pose {
         Pose { x, y, angle: 0.0 }
+    }
+
+    #[test]
+    fn the_view_includes_the_point_from_which_a_rope_hangs() {
+        let end = |body, at| SceneRopeEnd { body, at };
+        let scene = Scene {
+            ropes: vec![SceneRope([end(None, [0.0, 0.8]), end(Some(0), [0.0, 0.0])])],
+            ..free_ball(None)
+        };
+        // A ball with a radius of 0.2 m about the origin, and a point 0.8 m above: 1 m plus 5 % on each side.
+        assert_close(
+            episode_bounds(&scene, &[ball_at(0.0, 0.0)], &[]),
+            [-0.25, 0.25, -0.85, 0.25],
+        );
     }
 
     /// Ground that rises by 0.5 m per m, from right to left, `half_length` to both sides of x = 0.

@@ -1,7 +1,7 @@
 //! Outlines of shapes, in the frame of their body and in the scene, and lines of the ground. The y
 //! axis of a scene points down, as in Rerun and in images.
 
-use seedbed_env::{Environment, Pose, Shape};
+use seedbed_env::{Environment, Pose, SceneRope, Shape};
 
 /// The outline of a shape. `None` for open lines, which are left out of traces.
 pub(crate) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
@@ -45,6 +45,14 @@ pub(crate) fn terrain_lines(environment: &dyn Environment, copy: usize) -> Vec<V
 pub(crate) fn scene_point(point: [f32; 2], pose: Pose) -> [f32; 2] {
     let [x, y] = rotated_and_shifted(point, pose.angle, [pose.x, pose.y]);
     [x, -y]
+}
+
+/// The ends of a rope in the scene. `poses`: of all bodies.
+pub(crate) fn rope_line(SceneRope(ends): &SceneRope, poses: &[Pose]) -> [[f32; 2]; 2] {
+    ends.map(|end| {
+        let pose = end.body.map_or(Pose::default(), |body| poses[body]);
+        scene_point(end.at, pose)
+    })
 }
 
 pub(super) fn rotated_and_shifted([x, y]: [f32; 2], angle: f32, [right, up]: [f32; 2]) -> [f32; 2] {

@@ -378,6 +378,21 @@ pub struct Scene {
     pub bodies: Vec<SceneBody>,
     /// Index (in `bodies`) of the body that the view follows.
     pub tracked: Option<usize>,
+    /// Ropes between bodies.
+    pub ropes: Vec<SceneRope>,
+}
+
+/// A rope, which is drawn as a line between its two ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneRope(pub [SceneRopeEnd; 2]);
+
+/// A point that a rope is tied to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneRopeEnd {
+    /// Index of the body in [`Scene::bodies`]; `None` is the world.
+    pub body: Option<usize>,
+    /// The point in the body's frame, m.
+    pub at: [f32; 2],
 }
 
 /// One drawable body.

@@ -1,5 +1,5 @@
 "use strict";
-/* The bodies of a filmed state, and the ground of its episode. */
+/* The bodies of a filmed state, ropes between them, and the ground of its episode. */
 
 /** Draws the bodies in the state `s` of the film. */
 function drawScene(canvas, film, s, colors) {
@@ -16,14 +16,23 @@ function drawScene(canvas, film, s, colors) {
   for (const points of film.states[s].terrain) {
     drawShape(context, { points, thickness: 0 }, inWorld, colors.muted, scale, ratio);
   }
+  for (const ends of film.ropes) {
+    const points = ends.map(({ body, at }) => (body === null ? at : placeOf(poses[body])(at)));
+    drawShape(context, { points, thickness: 0 }, inWorld, colors.muted, scale, ratio);
+  }
   let moving = 0;
   for (const [b, body] of film.bodies.entries()) {
-    const { x, y, angle } = poses[b];
-    const [sin, cos] = [Math.sin(angle), Math.cos(angle)];
+    const inBody = placeOf(poses[b]);
     const color = body.fixed ? colors.muted : [colors.accent, colors.text][moving++ % 2];
-    const place = ([px, py]) => inWorld([x + cos * px - sin * py, y + sin * px + cos * py]);
+    const place = (point) => inWorld(inBody(point));
     for (const shape of body.shapes) drawShape(context, shape, place, color, scale, ratio);
   }
+}
+
+/** Where points of a body at this pose are in the world. */
+function placeOf({ x, y, angle }) {
+  const [sin, cos] = [Math.sin(angle), Math.cos(angle)];
+  return ([px, py]) => [x + cos * px - sin * py, y + sin * px + cos * py];
 }
 
 function poseOf(film, s, body) {

@@ -23,6 +23,7 @@ mod raw;
 mod read;
 mod read_scenes;
 mod resume;
+mod ropes;
 mod rounds;
 mod rows;
 mod run_constants;

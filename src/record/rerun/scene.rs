@@ -1,6 +1,7 @@
 //! `/scene/agent_K/…`: the bodies of an agent's environment, and the forces on them.
 //!
 //! `/scene/agent_K/bodies/NAME` has a body's shapes and its pose at each recorded step.
+//! `/scene/agent_K/ropes` has the ropes between bodies (see [`ropes`](super::ropes)).
 //! `/scene/agent_K/terrain` has the ground of each episode (see [`terrain`](super::terrain)).
 //! `/scene/agent_K/camera` has the position of the body that the task tracks, if it tracks a body.
 //! `/scene/agent_K/forces/…` has arrows (see [`forces`](super::forces)). On the timelines `episode`
@@ -13,6 +14,7 @@ use rerun::{Color, EntityPath, LineStrip2D, LineStrips2D, Transform3D};
 
 use super::error::RecordingError;
 use super::forces::ForceWriter;
+use super::ropes::RopeWriter;
 use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, static_chunk};
 use super::shapes::{hinge, lines_and_discs, rotation_of, translation_of};
 use super::terrain::TerrainWriter;
@@ -34,12 +36,13 @@ const CAMERA: &str = "camera";
 pub(super) const FIXED_COLOR: [u8; 3] = [120, 120, 130];
 const ALTERNATE_COLOR: [u8; 3] = [225, 225, 232];
 
-/// Poses, ground, traces and forces in the scene of one agent that are not written yet.
+/// Poses, ropes, ground, traces and forces in the scene of one agent that are not written yet.
 #[derive(Clone)]
 pub(super) struct SceneWriter {
     agent: u32,
     scene: Scene,
     tracks: Vec<PoseTrack>,
+    ropes: RopeWriter,
     terrain: TerrainWriter,
     camera: Option<Camera>,
     trace: Trace,
@@ -93,6 +96,7 @@ impl SceneWriter {
             agent,
             scene: scene.clone(),
             tracks,
+            ropes: RopeWriter::new(&entity, &scene.ropes),
             terrain: TerrainWriter::new(agent),
             camera,
             trace: Trace::new(&entity),
@@ -114,10 +118,11 @@ impl SceneWriter {
         format!("/scene/agent_{}{camera_suffix}", self.agent)
     }
 
-    /// Static shapes of all bodies, and static styles of traces and forces.
+    /// Static shapes of all bodies, and static styles of ropes, traces and forces.
     pub(super) fn static_chunks(&self) -> Result<Vec<Chunk>, RecordingError> {
         let mut chunks = vec![self.trace.style()?];
         chunks.extend(self.forces.styles()?);
+        chunks.extend(self.ropes.style().transpose()?);
         for (index, (body, track)) in self.scene.bodies.iter().zip(&self.tracks).enumerate() {
             let (lines, points) = lines_and_discs(body, self.color(index), index as f32);
             chunks.push(static_chunk(track.entity.clone(), &lines)?);
@@ -144,6 +149,7 @@ impl SceneWriter {
                 first,
             );
         }
+        self.ropes.add(&trajectory.poses, bodies, first);
         self.terrain.add(&trajectory.terrain, first);
         if let Some(Camera { body, track }) = &mut self.camera {
             let tracked = trajectory.poses.iter().skip(*body).step_by(bodies);
@@ -160,7 +166,7 @@ impl SceneWriter {
             .add(trajectory, self.view_bounds(trajectory), first);
     }
 
-    /// Takes poses, ground, traces and forces as chunks if there are enough steps for a chunk or, if `all`
+    /// Takes poses, ropes, ground, traces and forces as chunks if there are enough steps for a chunk or, if `all`
     /// is set, if there are any.
     pub(super) fn take(&mut self, all: bool) -> Result<Vec<Chunk>, RecordingError> {
         let steps = self.tracks.iter().map(|track| track.poses.len()).max();
@@ -174,6 +180,7 @@ impl SceneWriter {
             .chain(camera)
             .filter_map(PoseTrack::take);
         tracks
+            .chain(self.ropes.take())
             .chain(self.terrain.take())
             .chain(self.trace.take())
             .chain(self.forces.take())

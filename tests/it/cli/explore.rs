@@ -111,6 +111,21 @@ fn a_page_has_the_ground_of_each_episode() {
     assert!(lines[0] != lines[1] && lines[1] != lines[2]);
 }
 
+/// The world has a line of the ground, and so is the first body; cup and ball follow.
+#[test]
+fn a_page_has_the_ropes_between_bodies() {
+    let folder = tempfile::tempdir().unwrap();
+    let [scenario, run] = ["short.ron", "run"].map(|name| folder.path().join(name));
+    let text = r#"Scenario(environment: "dm_ball_in_cup_catch", agents: (count: 1), algorithm: Random, stop: Episodes(1), recording: (scene: (every: 1)))"#;
+    std::fs::write(&scenario, text).unwrap();
+    let [scenario, run_text] = [&scenario, &run].map(|path| path.to_str().unwrap());
+    run_successful(&["run", scenario, "--out", run_text]);
+    explore(&[run_text]);
+    let film = &data_of(&run.join("explore.html"))["runs"][0]["film"];
+    let ends = serde_json::json!([{"body": 2, "at": [0.0, 0.0]}, {"body": 1, "at": [0.0, -0.108]}]);
+    assert_eq!(film["ropes"], serde_json::json!([ends]));
+}
+
 /// Runs that are not finished, and recordings alone, are shown as far as they are written. A name cannot
 /// end the script.
 #[test]

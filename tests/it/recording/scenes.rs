@@ -3,7 +3,7 @@
 use seedbed::record::recording::Recording;
 use seedbed::record::{BodyTrajectory, RecordingSettings, SceneSettings};
 use seedbed_env::input::numbers::ranged_count;
-use seedbed_env::{Force, ForceSource, Pose};
+use seedbed_env::{Force, ForceSource, Pose, SceneRope, SceneRopeEnd};
 use seedbed_learn::experience::Episode;
 
 use super::contents::RecordingContents;
@@ -96,6 +96,40 @@ fn the_ground_of_recorded_episodes_is_read_back() {
         contents.strips(entity)[0],
         [[1.5, 1.0], [0.5, -0.25], [-0.5, 1.0]]
     );
+}
+
+/// A rope from a point of the world to the upper end of the pole, which is the third body.
+#[test]
+fn ropes_are_recorded_at_each_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = SyntheticRun::new(2, 12);
+    let end = |body, at| SceneRopeEnd { body, at };
+    run.scene.ropes = vec![SceneRope([end(None, [0.5, 2.0]), end(Some(2), [0.0, 1.0])])];
+    let path = record(&run, folder.path(), &RecordingSettings::default());
+
+    let contents = RecordingContents::read(&path);
+    let (entity, pole) = ("/scene/agent_0/ropes", "/scene/agent_0/bodies/pole");
+    assert_eq!(
+        contents.times(entity, "env_step"),
+        contents.times(pole, "env_step")
+    );
+    let poses = [0, 10].map(|round: usize| &run.rounds[round].body_trajectories[0].poses);
+    let poles = poses.into_iter().flatten().skip(2).step_by(3);
+    let expected: Vec<_> = poles
+        .map(|pose| {
+            let (sin, cos) = pose.angle.sin_cos();
+            vec![[0.5, -2.0], [pose.x - sin, -(pose.y + cos)]]
+        })
+        .collect();
+    assert_eq!(contents.strips(entity), expected);
+}
+
+#[test]
+fn recordings_of_tasks_without_ropes_have_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = SyntheticRun::new(2, 12);
+    let path = record(&run, folder.path(), &RecordingSettings::default());
+    assert!(!RecordingContents::read(&path).has_entity("/scene/agent_0/ropes"));
 }
 
 #[test]

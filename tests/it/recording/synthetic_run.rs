@@ -121,6 +121,7 @@ fn cart_and_pole() -> Scene {
             ),
         ],
         tracked: None,
+        ropes: Vec::new(),
     }
 }
 

@@ -11,7 +11,7 @@ use crate::description::{self, BodyTask, ColumnLayout, Formulas, Inertial};
 use crate::expression::{Program, Type, Variable, compile};
 use crate::input::numbers::{FiniteNumber, Positive};
 use crate::input::{Located, ValidationError};
-use crate::{Quantity, Scene, SceneBody, Shape, TaskSpec, physics};
+use crate::{Quantity, Scene, SceneBody, SceneRope, SceneRopeEnd, Shape, TaskSpec, physics};
 
 /// The name of the body that does not move, to which joints without a parent body are attached.
 const WORLD: &str = "world";
@@ -57,11 +57,11 @@ impl<'a> Resolver<'a> {
             .iter()
             .map(body)
             .collect::<Result<Vec<_>, _>>()?;
-        let joints = self.joints()?;
+        let (joints, ropes) = (self.joints()?, self.ropes()?);
         let task = BodyTask {
             origin: origin.to_owned(),
             spec: self.spec(name),
-            scene: self.scene(&bodies, &joints)?,
+            scene: self.scene(&bodies, &joints, &ropes)?,
             gravity: file.gravity.get(),
             solver: description::Solver {
                 substeps: file.solver.substeps.get(),
@@ -73,7 +73,7 @@ impl<'a> Resolver<'a> {
             free_bodies: self.free_bodies(),
             colliders,
             contact_softness: file.contact_softness.map(Softness::resolve),
-            ropes: self.ropes()?,
+            ropes,
             fluid: file.fluid.map(Fluid::resolve),
             actuators: self.actuators()?,
             run_constants: self.run_constants(),
@@ -242,6 +242,7 @@ impl<'a> Resolver<'a> {
         &self,
         bodies: &[description::Body],
         joints: &[description::Joint],
+        ropes: &[description::Rope],
     ) -> Result<Option<Scene>, ValidationError> {
         let world = self.world_body();
         let has_world = !world.shapes.is_empty();
@@ -268,9 +269,17 @@ impl<'a> Resolver<'a> {
             hinge: None,
         }));
         let has_shapes = drawn.iter().any(|body| !body.shapes.is_empty());
+        let rope_end = |end: description::RopeEnd| SceneRopeEnd {
+            body: end.body.map(|body| body + usize::from(has_world)),
+            at: end.at.map(|component| component as f32),
+        };
         Ok(has_shapes.then_some(Scene {
             bodies: drawn,
             tracked,
+            ropes: ropes
+                .iter()
+                .map(|rope| SceneRope(rope.ends.map(rope_end)))
+                .collect(),
         }))
     }
 
