@@ -55,6 +55,8 @@ def test_missing_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "folder").mkdir()
     with pytest.raises(IsADirectoryError):
         seedbed.make("folder")
+    (tmp_path / "cartpole").mkdir()
+    assert seedbed.make("cartpole").unwrapped.task.name == "cartpole"
     with pytest.raises(TypeError):
         seedbed.make(3)
 

@@ -98,7 +98,10 @@ pub(super) fn find(argument: &Path) -> PyResult<PathBuf> {
         }
         return Ok(argument.to_owned());
     }
-    if argument.is_dir() {
+    let name = argument.to_string_lossy();
+    // A folder may have the name of a task, such as that of a run.
+    let found = find_by_name(&name);
+    if found.is_none() && argument.is_dir() {
         let message = "expected a task file, found a folder";
         let argument = argument.as_os_str().to_owned();
         return Err(PyIsADirectoryError::new_err((
@@ -107,8 +110,7 @@ pub(super) fn find(argument: &Path) -> PyResult<PathBuf> {
             argument,
         )));
     }
-    let name = argument.to_string_lossy();
-    find_by_name(&name).ok_or_else(|| not_found(&name, argument.as_os_str().to_owned()))
+    found.ok_or_else(|| not_found(&name, argument.as_os_str().to_owned()))
 }
 
 /// The file of a task with this name.
