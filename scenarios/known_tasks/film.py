@@ -14,17 +14,21 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from PIL import Image, ImageDraw
-
-import seedbed
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 COLUMNS = 3
 FRAMES_PER_SECOND = 12.5  # 80 ms per frame: the film format counts in 10 ms
 
 
-def frames(folder: Path, width: int, height: int, seconds: float) -> list[Image.Image]:
+def frames(folder: Path, width: int, height: int, seconds: float) -> list[Image]:
     """Pictures of the agent of a run, at equal times."""
+    from PIL import Image, ImageDraw
+
+    import seedbed
+
     policy = seedbed.load(folder).policy(0)
     environment = seedbed.make(policy.task, render_mode="rgb_array")
     task = environment.unwrapped.task
@@ -42,7 +46,9 @@ def frames(folder: Path, width: int, height: int, seconds: float) -> list[Image.
     return pictures
 
 
-def side_by_side(tiles: list[Image.Image]) -> Image.Image:
+def side_by_side(tiles: list[Image]) -> Image:
+    from PIL import Image
+
     width, height = tiles[0].size
     rows = -(-len(tiles) // COLUMNS)
     whole = Image.new("RGB", (COLUMNS * width, rows * height), "white")

@@ -138,7 +138,7 @@ impl Bench {
 impl Outcome {
     fn run(experiment: &dyn Experiment, run_seed: u64, whole: bool) -> Result<Self, RunError> {
         let stop_rule = if whole {
-            StopRule::MaxEpisodes
+            StopRule::Maximum
         } else {
             StopRule::Solved
         };

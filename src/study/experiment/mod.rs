@@ -215,7 +215,7 @@ pub enum StopRule {
     /// As the stopping rule of the scenario says.
     Scenario,
     /// After the scenario's maximum number of episodes or environment steps, solved or not.
-    MaxEpisodes,
+    Maximum,
     /// When the task is solved, or after the scenario's maximum number of episodes or steps.
     Solved,
 }

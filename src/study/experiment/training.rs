@@ -303,7 +303,7 @@ impl<'a> ActiveRun<'a> {
 fn is_done(trainer: &Trainer, stop_rule: StopRule) -> bool {
     match stop_rule {
         StopRule::Scenario => trainer.is_done(),
-        StopRule::MaxEpisodes => trainer.has_played_enough(),
+        StopRule::Maximum => trainer.has_played_enough(),
         StopRule::Solved => trainer.has_played_enough() || trainer.is_solved(),
     }
 }

@@ -3,9 +3,12 @@
 //! A [`Trainer`] is built from any [`Environment`] and any [`Team`] ([`Trainer::new`]), or from a
 //! scenario ([`Trainer::from_scenario`]).
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
-use serde::{Deserialize, Serialize};
+mod from_scenario;
+mod saved;
 
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+pub(super) use self::from_scenario::shares_rapier_world;
 use super::agreement;
 use super::asynchronous::{AsyncConfig, AsyncRollout};
 use super::measures::{Measures, RoundRows};
@@ -13,18 +16,13 @@ use super::ranks::Ranks;
 use super::remote_steps::RemoteRounds;
 use super::rollout::{self, CopyGroup, GroupRound, PlayedEpisodes, RoundPlan};
 use super::shared_episodes::{self, SharedEpisodes};
-use super::thread_count;
 use crate::record::{BodyTrajectory, SceneSettings};
-use crate::scenario::{Scenario, Schedule, StepsOf, Stop, Threshold};
-use seedbed_env::TaskDescription;
-use seedbed_env::input::InputError;
-use seedbed_env::{Environment, Physics, Scene, TaskSpec, build};
+use crate::scenario::{Schedule, Stop, Threshold};
+use seedbed_env::{Environment, Scene, TaskSpec};
 use seedbed_learn::agent::{Tensor, UpdateReport};
 use seedbed_learn::experience::replay::Replay;
 use seedbed_learn::experience::{Episode, SharedBuffer, StepData};
-use seedbed_learn::team::{
-    AgentUpdate, Learner, LearningRequest, LearningTiming, SavedTeam, Team, TeamContext, Workers,
-};
+use seedbed_learn::team::{AgentUpdate, Learner, LearningRequest, Team, Workers};
 
 /// The environments, team, shared buffer and measures of a run.
 ///
@@ -99,20 +97,6 @@ pub struct Round {
     pub step_data: Vec<StepData>,
     /// The recorded bodies.
     pub body_trajectories: Vec<BodyTrajectory>,
-}
-
-/// The state of a trainer that [`Trainer::save`] writes. `B`, `R` and `M` are borrowed when it is
-/// written.
-#[derive(Serialize, Deserialize)]
-struct Saved<B, R, M> {
-    round: u32,
-    /// State of each copy.
-    copies: Vec<Vec<u8>>,
-    team: SavedTeam,
-    buffer: B,
-    recorded: u64,
-    rollout: R,
-    measures: M,
 }
 
 /// Training cannot continue because a number is not finite.
@@ -211,54 +195,6 @@ impl Trainer {
         };
         trainer.is_done = trainer.measures_say_done();
         trainer
-    }
-
-    /// The team and the environment that a scenario describes. A task that is drawn per run is drawn
-    /// with the scenario's run seed.
-    ///
-    /// # Errors
-    /// The task cannot be built as the scenario asks.
-    pub fn from_scenario(
-        scenario: &Scenario,
-        description: &TaskDescription,
-        threads: usize,
-    ) -> Result<Self, InputError> {
-        Self::on_ranks(scenario, description, threads, Ranks::SINGLE)
-    }
-
-    /// Like [`from_scenario`](Self::from_scenario), with the part of the team that belongs to this
-    /// rank.
-    ///
-    /// # Errors
-    /// The task cannot be built as the scenario asks.
-    pub fn on_ranks(
-        scenario: &Scenario,
-        description: &TaskDescription,
-        threads: usize,
-        ranks: Ranks,
-    ) -> Result<Self, InputError> {
-        let description = description.for_run(scenario.seed);
-        let environments = group_sizes(&description, scenario, threads, ranks)
-            .into_iter()
-            .map(|copies| build(&description, scenario.physics, copies))
-            .collect::<Result<Vec<_>, _>>()?;
-        let team = build_team(scenario, description.spec(), ranks);
-        let settings = TrainingSettings {
-            ranks,
-            ..training_settings(scenario, threads)
-        };
-        Ok(Self::with_groups(environments, team, settings))
-    }
-
-    /// The team that a scenario describes, for one thread and copies in a shared world. Bodies are
-    /// not recorded.
-    pub(super) fn in_shared_world(scenario: &Scenario, spec: &TaskSpec) -> Self {
-        let settings = TrainingSettings {
-            scene: None,
-            ..training_settings(scenario, 1)
-        };
-        let team = build_team(scenario, spec, Ranks::SINGLE);
-        Self::without_copies(spec.clone(), None, team, settings)
     }
 
     /// Plays a round of concurrent episodes, lets every agent learn from all of them, and measures
@@ -653,50 +589,6 @@ impl Trainer {
         self.round
     }
 
-    /// Everything that cannot be derived from the scenario and that the next round needs, as bytes,
-    /// without the [replay buffer](Self::replay).
-    ///
-    /// # Panics
-    /// Never: plain data always serializes.
-    #[must_use]
-    pub fn save(&self) -> Vec<u8> {
-        let ranks = self.ranks();
-        let team = self.team.save();
-        let saved = Saved {
-            round: self.round,
-            copies: ranks.gather_lists(self.save_copies()),
-            team: SavedTeam {
-                parts: ranks.gather_lists(team.parts),
-                ..team
-            },
-            buffer: self.buffer.without_first(self.count_old_episodes()),
-            recorded: self.episodes_before_round,
-            rollout: &self.rollout,
-            measures: &self.measures,
-        };
-        postcard::to_stdvec(&saved).expect("plain data always serializes")
-    }
-
-    /// Restores the state that [`save`](Self::save) wrote. Results after that are bit-identical to
-    /// those of an uninterrupted run, if the transitions of the [replay buffer](Self::replay) are
-    /// restored as well.
-    ///
-    /// # Errors
-    /// The bytes are damaged or belong to another scenario.
-    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<SharedBuffer, Option<AsyncRollout>, Measures> =
-            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
-        self.restore_copies(&saved.copies)?;
-        self.team.restore(&saved.team)?;
-        self.buffer = saved.buffer;
-        self.episodes_before_round = saved.recorded;
-        self.rollout = saved.rollout;
-        self.measures = saved.measures;
-        self.round = saved.round;
-        self.is_done = self.measures_say_done();
-        Ok(())
-    }
-
     /// The transitions that the team learns from, if it has a replay buffer.
     #[must_use]
     pub fn replay(&self) -> Option<&Replay> {
@@ -707,66 +599,10 @@ impl Trainer {
     pub fn replay_mut(&mut self) -> Option<&mut Replay> {
         self.team.replay_mut()
     }
-
-    fn save_copies(&self) -> Vec<Vec<u8>> {
-        let mut saved = Vec::new();
-        for CopyGroup { environment, .. } in &self.groups {
-            saved.extend((0..environment.copies()).map(|copy| environment.save(copy)));
-        }
-        saved
-    }
-
-    fn restore_copies(&mut self, saved: &[Vec<u8>]) -> Result<(), String> {
-        let count = self.agent_count();
-        let is_elsewhere = saved.is_empty() || self.groups.is_empty();
-        if is_elsewhere && !matches!(self.settings.schedule, Schedule::Asynchronous { .. }) {
-            // A shared world owns the copies, and every round resets them.
-            return Ok(());
-        }
-        if saved.len() != count {
-            return Err(format!("it has {} copies; expected {count}", saved.len()));
-        }
-        for CopyGroup {
-            first_agent,
-            environment,
-        } in &mut self.groups
-        {
-            for copy in 0..environment.copies() {
-                environment.restore(copy, &saved[*first_agent as usize + copy])?;
-            }
-        }
-        Ok(())
-    }
 }
 
 /// The updates of a round in the order in which agents learned, and the recorded bodies.
 type UpdatesAndBodies = (Vec<AgentUpdate>, Vec<BodyTrajectory>);
-
-/// The part of the team that a scenario describes which belongs to a rank.
-fn build_team(scenario: &Scenario, spec: &TaskSpec, ranks: Ranks) -> Box<dyn Team> {
-    let local_agents = ranks.local_agents(scenario.agents.count.get());
-    scenario.algorithm.config().build(&TeamContext {
-        run_seed: scenario.seed,
-        config: &scenario.agents,
-        local_agents: Some((local_agents.start, local_agents.end)),
-        spec,
-        timing: learning_timing(scenario.schedule),
-        record_advantages: scenario.recording.has_advantages(),
-    })
-}
-
-fn training_settings(scenario: &Scenario, threads: usize) -> TrainingSettings {
-    TrainingSettings {
-        run_seed: scenario.seed,
-        schedule: scenario.schedule,
-        stop: scenario.stop.clone(),
-        scene: scenario.recording.scene.clone(),
-        transitions_kept: scenario.algorithm.transitions_kept(),
-        has_intrinsic_rewards: scenario.algorithm.largest_intrinsic_reward().is_some(),
-        threads,
-        ranks: Ranks::SINGLE,
-    }
-}
 
 /// Number of episodes that each agent plays in a round in which all agents begin together.
 fn episodes_per_round(schedule: Schedule) -> u32 {
@@ -784,44 +620,6 @@ fn thread_pool(threads: usize) -> ThreadPool {
         .expect("the system starts threads")
 }
 
-/// Numbers of copies of the groups in which a scenario's environment is built. Rigid bodies that
-/// share a world are divided as little as possible, because every world has a cost of its own in
-/// each step. Other copies are divided into more groups than threads, so that all threads are busy
-/// to the end of a round.
-fn group_sizes(
-    description: &TaskDescription,
-    scenario: &Scenario,
-    threads: usize,
-    ranks: Ranks,
-) -> Vec<usize> {
-    let agents = ranks.local_agents(scenario.agents.count.get()).len();
-    if matches!(scenario.schedule, Schedule::Asynchronous { .. }) {
-        return vec![agents];
-    }
-    let threads = thread_count(threads);
-    let groups = if threads == 1 || shares_rapier_world(description, scenario) {
-        threads
-    } else {
-        GROUPS_PER_THREAD * threads
-    };
-    let groups = groups.min(agents);
-    let first_of_group = |group: usize| group * agents / groups;
-    (0..groups)
-        .map(|group| first_of_group(group + 1) - first_of_group(group))
-        .collect()
-}
-
-/// Whether the copies of a scenario's environment are rigid bodies in one world of Rapier.
-pub(super) fn shares_rapier_world(description: &TaskDescription, scenario: &Scenario) -> bool {
-    scenario.physics == Physics::Rapier
-        && description
-            .body_task()
-            .is_some_and(|task| !task.needs_own_worlds())
-}
-
-/// Groups of copies per thread, if copies do not share a world.
-const GROUPS_PER_THREAD: usize = 4;
-
 /// Groups whose agents are numbered consecutively from `first_agent` on.
 fn number_agents(environments: Vec<Box<dyn Environment>>, mut first_agent: u32) -> Vec<CopyGroup> {
     let number = |environment: Box<dyn Environment>| {
@@ -833,21 +631,6 @@ fn number_agents(environments: Vec<Box<dyn Environment>>, mut first_agent: u32) 
         group
     };
     environments.into_iter().map(number).collect()
-}
-
-fn learning_timing(schedule: Schedule) -> LearningTiming {
-    match schedule {
-        Schedule::Lockstep {
-            learn_every,
-            steps_of,
-        } => match steps_of {
-            StepsOf::Agent => LearningTiming::EverySteps(learn_every.get()),
-            StepsOf::Team => LearningTiming::EveryTransitions(learn_every.get()),
-        },
-        Schedule::Synchronous { .. } | Schedule::Asynchronous { .. } => {
-            LearningTiming::AfterEpisodes
-        }
-    }
 }
 
 /// Checks that all numbers of an episode are finite.
