@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """Trains PPO of Stable-Baselines3 in known tasks, through the Python package, and writes a file of episodes per run.
 
-    sb3_ppo.py gym_hopper dm_walker_walk --seeds 1000 1001 1002      a run of each task with each seed
+    sb3_ppo.py gym_hopper dm_walker_walk --seeds 1000 1001 1002       a run of each task with each seed
     sb3_ppo.py --jobs 2                                               all tasks
-    sb3_ppo.py --table > results/sb3.csv                              one row per finished run
+    seedbed study recordings/sb3/stable_baselines3.ron                tables and figures of all finished runs
 
-Settings are those of RL Zoo for MuJoCo's tasks (`mujoco-defaults`), which are the library's defaults with normalized observations and
-rewards, in eight copies with rollouts of 256 steps, which are as many steps per update as one copy with 2048. The step size falls
-linearly to 0, as in CleanRL. A run's episodes are written to OUT/TASK/SEED.monitor.csv; finished runs are skipped.
+Settings are those of the task's scenario in this folder: steps, steps per update, step size and its fall, discount factor, lambda and initial
+noise. The others are the library's defaults, which are those of the scenarios too (ten passes over minibatches of 64 steps, a clip of 0.2, two
+layers of 64 units), with normalized observations and rewards. Updates use eight copies of the task. Bonuses for new states are left out: the
+library has none. A run's episodes are written to OUT/TASK/SEED.monitor.csv, and a study that reads them to OUT; finished runs are skipped.
 
 Needs the packages seedbed and stable-baselines3==2.9.2. Each run uses one thread.
 """
@@ -16,20 +17,22 @@ from __future__ import annotations
 
 import argparse
 import concurrent.futures
-import csv
+import dataclasses
+import math
 import os
-import statistics
+import re
 import time
 from pathlib import Path
 
-COPIES, ROLLOUT = 8, 256
+COPIES = 8
 
 FOLDER = Path(__file__).parent
 
 
-def train(task: str, seed: int, steps: int, out: Path) -> str:
+def train(task: str, seed: int, shorter: int, out: Path) -> str:
     """One run. Its file appears when it has ended."""
     os.environ["OMP_NUM_THREADS"] = "1"
+    import gymnasium
     import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
@@ -37,14 +40,33 @@ def train(task: str, seed: int, steps: int, out: Path) -> str:
     import seedbed
 
     torch.set_num_threads(1)
-    file, unfinished = (out / task / f"{seed}.{ending}" for ending in ("monitor.csv", "unfinished.monitor.csv"))
+    torch.distributions.Distribution.set_default_validate_args(False)  # checks of parameters, a tenth of the time
+    file, unfinished = (folder / f"{seed}.monitor.csv" for folder in (out / task, out / task / "unfinished"))
     if file.is_file():
         return f"{task} {seed}: there already"
     unfinished.parent.mkdir(parents=True, exist_ok=True)
-    copies = DummyVecEnv([lambda: seedbed.make(task)] * COPIES)
+
+    def copy() -> gymnasium.Env:
+        environment = seedbed.make(task)
+        box = isinstance(environment.action_space, gymnasium.spaces.Box)
+        return gymnasium.wrappers.RescaleAction(environment, -1.0, 1.0) if box else environment
+
+    settings = Settings.of(task)
+    copies = DummyVecEnv([copy] * COPIES)
     copies.seed(seed)
-    environments = VecNormalize(VecMonitor(copies, str(unfinished)))
-    model = PPO("MlpPolicy", environments, n_steps=ROLLOUT, learning_rate=lambda left: 3e-4 * left, seed=seed, device="cpu")
+    environments = VecNormalize(VecMonitor(copies, str(unfinished)), gamma=settings.discount)
+    model = PPO(
+        "MlpPolicy",
+        environments,
+        n_steps=settings.rollout,
+        gamma=settings.discount,
+        gae_lambda=settings.gae_lambda,
+        learning_rate=lambda left: settings.step_size * (0.1 + 0.9 * left),
+        policy_kwargs={"log_std_init": math.log(settings.initial_deviation), "optimizer_kwargs": {"eps": 1e-5, "fused": True}},
+        seed=seed,
+        device="cpu",
+    )
+    steps = settings.steps // shorter
     start = time.process_time()
     model.learn(steps)
     environments.close()
@@ -52,42 +74,86 @@ def train(task: str, seed: int, steps: int, out: Path) -> str:
     return f"{task} {seed}: {steps / (time.process_time() - start):.0f} steps per CPU second"
 
 
+@dataclasses.dataclass
+class Settings:
+    """What differs between the scenarios of this folder."""
+
+    steps: int
+    """Environment steps of a run, in all copies."""
+    rollout: int
+    """Environment steps of an update in one copy."""
+    step_size: float
+    discount: float
+    gae_lambda: float
+    initial_deviation: float
+
+    @staticmethod
+    def of(task: str) -> Settings:
+        """The settings of the scenario TASK.ron."""
+        scenario = (FOLDER / f"{task}.ron").read_text()
+
+        def number(before: str, otherwise: float | None = None) -> float:
+            found = re.search(re.escape(before) + r"\s*([0-9.]+)", scenario)
+            return float(found[1]) if found else float(otherwise)
+
+        episode_steps = EPISODE_STEPS.get(task, 1000)
+        steps = number("stop: Steps(team:", 0) or number("stop: Episodes(") * episode_steps
+        fixed = "stop: Episodes(" in scenario
+        update = number("episodes:") * episode_steps if fixed else steps / number("step_size_schedule: Linear(rounds:")
+        return Settings(
+            steps=int(steps),
+            rollout=8 * round(update / COPIES / 8),  # whole minibatches of 64 steps
+            step_size=number("policy_optimiser: (step_size:"),
+            discount=number("discount:", 0.99),
+            gae_lambda=number("advantage: Gae(lambda:"),
+            initial_deviation=number("initial_deviation:", 0.5),
+        )
+
+
+EPISODE_STEPS = {"gym_reacher": 50}
+"""Of tasks whose scenario counts episodes, where these have another length than 1000 steps."""
+
+
 def tasks() -> list[str]:
     """All tasks that have a scenario in this folder."""
     return sorted(path.stem for path in FOLDER.glob("*.ron") if path.stem.startswith(("dm_", "gym_")))
 
 
-def print_table(out: Path) -> None:
-    """Prints the environment steps of all finished runs, and the mean return of the last 100 episodes, as in the study `learning`."""
-    print("task,run_seed,env_steps,final_return")
-    for file in sorted(out.glob("*/*.monitor.csv")):
-        seed = file.name.removesuffix(".monitor.csv")
-        if seed.isdigit():
-            with file.open() as lines:
-                episodes = list(csv.DictReader(line for line in lines if not line.startswith("#")))
-            mean = statistics.fmean(float(episode["r"]) for episode in episodes[-100:])
-            print(f"{file.parent.name},{seed},{sum(int(episode['l']) for episode in episodes)},{mean:.4f}")
+def write_study(out: Path) -> Path:
+    """Writes a study of all tasks with finished runs, with the measure of the study `learning`."""
+    cell = '        (name: "{0}", task: "{0}", results: Monitor("{0}/*.monitor.csv")),\n'
+    finished = [task for task in tasks() if any((out / task).glob("*.monitor.csv"))]
+    file = out / "stable_baselines3.ron"
+    file.write_text(f"""// The episodes that `scenarios/known_tasks/sb3_ppo.py` has written.
+Study(
+    title: "PPO of Stable-Baselines3 in the known tasks",
+    about: "The settings of the scenarios in scenarios/known_tasks, as far as Stable-Baselines3 has them, and as many environment steps.",
+    cells: [
+{"".join(cell.format(task) for task in finished)}    ],
+    measures: [FinalReturn(window: 100)],
+    figures: [Curves(window: 100)],
+)
+""")
+    return file
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("tasks", nargs="*", help="names of tasks (all that have a scenario here)")
     parser.add_argument("--seeds", nargs="+", type=int, default=[1000, 1001, 1002], help="(1000 1001 1002)")
-    parser.add_argument("--steps", type=int, default=1_000_000, help="environment steps of a run, in all copies (1000000)")
+    parser.add_argument("--shorter", type=int, default=1, help="how many times shorter than the scenario, to try the script (1)")
     parser.add_argument("--jobs", type=int, default=1, help="simultaneous runs (1)")
     parser.add_argument("--out", type=Path, default=Path("recordings/sb3"), help="(recordings/sb3)")
-    parser.add_argument("--table", action="store_true", help="print the results of finished runs, and run nothing")
     arguments = parser.parse_args()
-    if arguments.table:
-        return print_table(arguments.out)
     with concurrent.futures.ProcessPoolExecutor(arguments.jobs, max_tasks_per_child=1) as pool:
         runs = [
-            pool.submit(train, task, seed, arguments.steps, arguments.out)
+            pool.submit(train, task, seed, arguments.shorter, arguments.out)
             for seed in arguments.seeds
             for task in arguments.tasks or tasks()
         ]
         for run in concurrent.futures.as_completed(runs):
             print(run.result(), flush=True)
+    print(f"seedbed study {write_study(arguments.out)}")
 
 
 if __name__ == "__main__":
