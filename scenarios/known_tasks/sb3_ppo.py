@@ -90,16 +90,20 @@ class Settings:
     @staticmethod
     def of(task: str) -> Settings:
         """The settings of the scenario TASK.ron."""
+        import seedbed
+
         scenario = (FOLDER / f"{task}.ron").read_text()
 
         def number(before: str, otherwise: float | None = None) -> float:
             found = re.search(re.escape(before) + r"\s*([0-9.]+)", scenario)
             return float(found[1]) if found else float(otherwise)
 
-        episode_steps = EPISODE_STEPS.get(task, 1000)
-        steps = number("stop: Steps(team:", 0) or number("stop: Episodes(") * episode_steps
-        fixed = "stop: Episodes(" in scenario
-        update = number("episodes:") * episode_steps if fixed else steps / number("step_size_schedule: Linear(rounds:")
+        if episodes := number("stop: Episodes(", 0):
+            length = seedbed.Task(task).time_limit
+            steps, update = episodes * length, number("episodes:") * length
+        else:
+            steps = number("stop: Steps(team:")
+            update = steps / number("step_size_schedule: Linear(rounds:")
         return Settings(
             steps=int(steps),
             rollout=8 * round(update / COPIES / 8),  # whole minibatches of 64 steps
@@ -108,10 +112,6 @@ class Settings:
             gae_lambda=number("advantage: Gae(lambda:"),
             initial_deviation=number("initial_deviation:", 0.5),
         )
-
-
-EPISODE_STEPS = {"gym_reacher": 50}
-"""Of tasks whose scenario counts episodes, where these have another length than 1000 steps."""
 
 
 def tasks() -> list[str]:

@@ -9,7 +9,7 @@ use crate::record::RecordedScene;
 use crate::record::framing::{self, Bounds};
 use crate::run::Plan;
 use crate::run::review::LoadedRun;
-use seedbed_env::{Pose, Scene, SceneRope, SceneRopeEnd};
+use seedbed_env::{Pose, Scene, SceneRope};
 
 /// Maximum number of episodes of a run whose bodies are in the page.
 const MAX_EPISODES: usize = 12;
@@ -28,7 +28,7 @@ pub(super) struct Filmed {
 pub(super) struct FilmData {
     bodies: Vec<BodyData>,
     /// The two ends of each rope.
-    ropes: Vec<[RopeEndData; 2]>,
+    ropes: Vec<SceneRope>,
     /// Left, right, upper and lower end of what is shown; the y axis points down.
     bounds: Bounds,
     /// Index of the body that the camera follows.
@@ -45,13 +45,6 @@ pub(super) struct FilmData {
 struct BodyData {
     fixed: bool,
     shapes: Vec<ShapeData>,
-}
-
-#[derive(Debug, Serialize)]
-struct RopeEndData {
-    /// Index of the body; `None` is the world.
-    body: Option<usize>,
-    at: [f32; 2],
 }
 
 #[derive(Debug, Serialize)]
@@ -110,7 +103,7 @@ impl Filmed {
         };
         FilmData {
             bodies: self.bodies(),
-            ropes: self.ropes(),
+            ropes: self.scene.ropes.clone(),
             bounds: self.bounds,
             tracked: self.scene.tracked,
             ranges,
@@ -129,15 +122,6 @@ impl Filmed {
                 .map(|(_, recorded)| recorded.terrain.clone())
                 .collect(),
         }
-    }
-
-    fn ropes(&self) -> Vec<[RopeEndData; 2]> {
-        let data = |end: SceneRopeEnd| RopeEndData {
-            body: end.body,
-            at: end.at,
-        };
-        let ropes = self.scene.ropes.iter();
-        ropes.map(|SceneRope(ends)| ends.map(data)).collect()
     }
 
     fn bodies(&self) -> Vec<BodyData> {

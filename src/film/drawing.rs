@@ -17,16 +17,10 @@ pub(super) fn shapes(
         .tracked
         .map_or([0.0, 0.0], |body| [poses[body].x, -poses[body].y]);
     let mut moving_before = 0;
-    let ground = terrain
-        .iter()
-        .map(|line| drawn_shape(line, Some(0.0), Pose::default(), camera, MUTED_COLOR));
-    let ropes = scene.ropes.iter().map(|rope| DrawnShape {
-        points: rope_line(rope, poses)
-            .map(|[x, y]| [x - camera[0], y - camera[1]])
-            .to_vec(),
-        color: MUTED_COLOR,
-        thickness: Some(0.0),
-    });
+    let line =
+        |points: &[[f32; 2]]| drawn_shape(points, Some(0.0), Pose::default(), camera, MUTED_COLOR);
+    let ground = terrain.iter().map(|points| line(points));
+    let ropes = scene.ropes.iter().map(|rope| line(&rope_line(rope, poses)));
     let mut drawn: Vec<_> = ground.chain(ropes).collect();
     for (body, pose) in scene.bodies.iter().zip(poses) {
         let color = color(body, moving_before, agent);

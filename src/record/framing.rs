@@ -113,7 +113,7 @@ fn fixed_bounds(scene: &Scene, frame: &[Pose]) -> Vec<(Bounds, bool)> {
     let tied_to_world = rope_ends.filter(|end| end.body.is_none());
     shapes
         .filter_map(bounds_of_shape)
-        .chain(tied_to_world.map(|end| ([end.at[0], end.at[0], -end.at[1], -end.at[1]], false)))
+        .chain(tied_to_world.filter_map(|end| Some((bounds(&[end.at], Pose::default())?, false))))
         .collect()
 }
 

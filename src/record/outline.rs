@@ -47,11 +47,11 @@ pub(crate) fn scene_point(point: [f32; 2], pose: Pose) -> [f32; 2] {
     [x, -y]
 }
 
-/// The ends of a rope in the scene. `poses`: of all bodies.
+/// The ends of a rope in the world, m. `poses`: of all bodies.
 pub(crate) fn rope_line(SceneRope(ends): &SceneRope, poses: &[Pose]) -> [[f32; 2]; 2] {
     ends.map(|end| {
         let pose = end.body.map_or(Pose::default(), |body| poses[body]);
-        scene_point(end.at, pose)
+        rotated_and_shifted(end.at, pose.angle, [pose.x, pose.y])
     })
 }
 

@@ -383,11 +383,11 @@ pub struct Scene {
 }
 
 /// A rope, which is drawn as a line between its two ends.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SceneRope(pub [SceneRopeEnd; 2]);
 
 /// A point that a rope is tied to.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SceneRopeEnd {
     /// Index of the body in [`Scene::bodies`]; `None` is the world.
     pub body: Option<usize>,

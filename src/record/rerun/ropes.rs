@@ -8,6 +8,7 @@ use rerun::{EntityPath, LineStrip2D, LineStrips2D};
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, rgb, static_chunk};
 use super::scene::FIXED_COLOR;
+use super::shapes::with_y_down;
 use crate::record::outline::rope_line;
 use seedbed_env::{Pose, SceneRope};
 
@@ -48,7 +49,8 @@ impl RopeWriter {
             return;
         }
         for frame in poses.chunks_exact(bodies) {
-            let lines = self.ropes.iter().map(|rope| rope_line(rope, frame));
+            let line = |rope| with_y_down(rope_line(rope, frame).to_vec());
+            let lines = self.ropes.iter().map(line);
             self.lines.extend(lines.map(LineStrip2D::from_iter));
         }
         self.moments.push_steps(first, poses.len() / bodies);

@@ -246,8 +246,9 @@ impl<'a> Resolver<'a> {
     ) -> Result<Option<Scene>, ValidationError> {
         let world = self.world_body();
         let has_world = !world.shapes.is_empty();
+        let index_in_scene = |body: usize| body + usize::from(has_world);
         let tracked = match &self.file.tracked {
-            Some(name) => Some(self.find_body(name)? + usize::from(has_world)),
+            Some(name) => Some(index_in_scene(self.find_body(name)?)),
             None => None,
         };
         let mut drawn = Vec::new();
@@ -270,7 +271,7 @@ impl<'a> Resolver<'a> {
         }));
         let has_shapes = drawn.iter().any(|body| !body.shapes.is_empty());
         let rope_end = |end: description::RopeEnd| SceneRopeEnd {
-            body: end.body.map(|body| body + usize::from(has_world)),
+            body: end.body.map(index_in_scene),
             at: end.at.map(|component| component as f32),
         };
         Ok(has_shapes.then_some(Scene {
