@@ -72,11 +72,13 @@ impl Figure {
         )
     }
 
-    /// The bytes of a PNG file with `scale` pixels per CSS pixel in each direction.
+    /// The bytes of a PNG file with `scale` pixels per CSS pixel in each direction, or fewer if a side
+    /// would have more than 20,000 pixels.
     ///
     /// # Errors
-    /// The page is empty, or too large for memory.
+    /// The page is empty.
     pub fn png(&self, scale: f64) -> Result<Vec<u8>, PngError> {
+        let scale = scale.min(pixels::MAX_SIDE / self.width.max(self.height()));
         self.pixels(scale)?.into_png(scale)
     }
 
@@ -339,21 +341,23 @@ mod tests {
     /// Bytes 16 to 23 of a PNG file are its width and height.
     #[test]
     fn png_has_the_requested_size() {
+        let size = |png: &[u8]| {
+            [16, 20].map(|offset| u32::from_be_bytes(png[offset..offset + 4].try_into().unwrap()))
+        };
         let png = figure_with_all_panels().png(2.0).unwrap();
-        let number =
-            |offset: usize| u32::from_be_bytes(png[offset..offset + 4].try_into().unwrap());
-        assert_eq!(
-            (number(16), number(20)),
-            (1200, 2 * figure_with_all_panels().height() as u32)
-        );
+        let height = figure_with_all_panels().height() as u32;
+        assert_eq!(size(&png), [1200, 2 * height]);
+    }
+
+    #[test]
+    fn png_of_a_figure_that_is_too_large_has_a_smaller_scale() {
         let mut wide = figure_with_all_panels();
-        wide.resize(1e6, 100.0);
-        assert!(
-            wide.png(2.0)
-                .unwrap_err()
-                .to_string()
-                .starts_with("cannot draw an image of 2000000 × ")
-        );
+        wide.resize(40_000.0, 800.0);
+        let error = wide.pixels(2.0).unwrap_err().to_string();
+        assert!(error.starts_with("cannot draw an image of 80000 × 1600 pixels"));
+        let png = wide.png(2.0).unwrap();
+        assert_eq!(png[16..20], 20_000_u32.to_be_bytes());
+        assert_eq!(png[20..24], 400_u32.to_be_bytes());
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub enum PngError {
 }
 
 /// Maximum width and height in pixels. A larger image would take gigabytes of memory.
-const MAX_SIDE: f64 = 20_000.0;
+pub(super) const MAX_SIDE: f64 = 20_000.0;
 
 static FONTS: LazyLock<Arc<Database>> = LazyLock::new(|| {
     let mut fonts = Database::new();

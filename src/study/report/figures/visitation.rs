@@ -1,0 +1,371 @@
+//! The figure of visited states: parallel coordinates of each cell, and differences from the first
+//! cell.
+
+use super::{UnnumberedFigure, names_without_common_parts};
+use crate::plotting::axis_with_outside;
+use crate::record::BonusRange;
+use crate::record::visitation::{AXIS_HEIGHT, Axes, Density, VisitedState};
+use crate::study::figure::EpisodeWindow;
+use crate::study::results::CellResults;
+use crate::study::run_result::VisitedStates;
+use crate::text::pluralize;
+use seedbed_env::TaskSpec;
+use seedbed_figure::{
+    DensityImage, DifferenceImage, Figure as Picture, Key, Panel, ParallelCoordinates, Row, States,
+};
+
+/// Width of panels of visited states, in CSS pixels.
+const PANEL_WIDTH: f64 = 300.0;
+
+/// Height of rows of visited states, in CSS pixels.
+const ROW_HEIGHT: f64 = 250.0;
+
+/// Maximum number of cells side by side.
+const MAX_COLUMNS: usize = 6;
+
+pub(super) fn visitation(
+    cells: &[&CellResults],
+    windows: &[EpisodeWindow],
+) -> Option<UnnumberedFigure> {
+    let rows: Vec<Vec<CellDensity>> = windows
+        .iter()
+        .map(|&window| densities(cells, window))
+        .filter(|row| !row.is_empty())
+        .collect();
+    let columns = rows.iter().map(Vec::len).max()?;
+    let caption = format!(
+        "States visited in all runs: one axis per observation, one line per state; darker where more lines cross. Panels show \
+         shares of the states of their cell on one scale, from a uniform sample of each run, weighted by its number of \
+         states{}.{}",
+        if windows.len() > 1 {
+            "; rows show increasing parts of training"
+        } else {
+            ""
+        },
+        if columns > 1 {
+            " Below: where the share of a cell is above (orange) or below (blue) that of the first cell."
+        } else {
+            ""
+        }
+    );
+    let scale = ShareScale::of(rows.iter().flatten());
+    let columns = columns.min(MAX_COLUMNS);
+    let picture = Picture {
+        title: String::new(),
+        description: String::new(),
+        width: PANEL_WIDTH * columns as f64 + 90.0,
+        rows: rows
+            .iter()
+            .flat_map(|cells| picture_rows(cells, &scale, columns))
+            .collect(),
+    };
+    Some(UnnumberedFigure {
+        kind: "visitation",
+        title: "Visited states".to_owned(),
+        caption,
+        picture,
+    })
+}
+
+/// Visited states of one cell.
+struct CellDensity {
+    name: String,
+    title: String,
+    axes: Axes,
+    /// Shares of states below and above the range of each axis: `[axes]`
+    outside: Vec<[f64; 2]>,
+    /// Share of the states whose lines cross each pixel: `[height × width]`.
+    shares: Vec<f64>,
+}
+
+impl CellDensity {
+    fn new(name: String, title: String, spec: &TaskSpec) -> Self {
+        let axes = axes(spec);
+        Self {
+            name,
+            title,
+            outside: vec![[0.0; 2]; axes.all().len()],
+            shares: Vec::new(),
+            axes,
+        }
+    }
+
+    /// Adds the sampled states of a run, which have a share of the `visited` states of all runs.
+    fn add_run(&mut self, states: &VisitedStates, visited: u64) {
+        let sampled = states.visits.len().max(1);
+        let weight = states.visited as f64 / sampled as f64 / visited as f64;
+        let mut density = Density::new(&self.axes);
+        let mut axis_positions = Vec::new();
+        let mut outside = vec![[0; 2]; self.outside.len()];
+        for state in states
+            .states
+            .chunks_exact((states.states.len() / sampled).max(1))
+        {
+            let state = VisitedState::without_action(0, state, 0.0);
+            self.axes.project(&state, &mut axis_positions);
+            self.axes.count_outside(&state, &mut outside);
+            density.add(&axis_positions);
+        }
+        for (shares, counts) in self.outside.iter_mut().zip(outside) {
+            for (share, count) in shares.iter_mut().zip(counts) {
+                *share += weight * count as f64;
+            }
+        }
+        let lines = density.draw_all();
+        self.shares.resize(lines.len(), 0.0);
+        for (share, lines) in self.shares.iter_mut().zip(lines) {
+            *share += weight * f64::from(*lines);
+        }
+    }
+
+    fn panel(&self, title: String, states: States) -> Panel {
+        Panel::ParallelCoordinates(ParallelCoordinates {
+            title,
+            axes: self
+                .axes
+                .all()
+                .iter()
+                .zip(&self.outside)
+                .map(|(axis, &outside)| axis_with_outside(&axis.quantity, outside))
+                .collect(),
+            states,
+        })
+    }
+
+    fn width(&self) -> usize {
+        self.shares.len() / AXIS_HEIGHT
+    }
+}
+
+/// Visited states of all cells for which they were stored.
+fn densities(cells: &[&CellResults], window: EpisodeWindow) -> Vec<CellDensity> {
+    let names = names_without_common_parts(cells);
+    let mut densities = Vec::new();
+    for (cell, name) in cells.iter().zip(names) {
+        let runs = cell.states(window);
+        let visited: u64 = runs.iter().map(|(_, states)| states.visited).sum();
+        if visited == 0 {
+            continue;
+        }
+        let title = format!(
+            "{name}: {}, {} states of {}",
+            episodes_text(window),
+            indicatif::HumanCount(visited),
+            pluralize(runs.len(), "run")
+        );
+        let mut density = CellDensity::new(name, title, &spec(cell));
+        for (_, states) in &runs {
+            density.add_run(states, visited);
+        }
+        densities.push(density);
+    }
+    densities
+}
+
+fn episodes_text(window: EpisodeWindow) -> String {
+    match window {
+        EpisodeWindow::First(episodes) if episodes.get() == 1 => "first episode".to_owned(),
+        EpisodeWindow::First(episodes) => format!("first {} episodes", episodes.get()),
+        EpisodeWindow::All => "all episodes".to_owned(),
+    }
+}
+
+/// One logarithmic scale of shares for all panels: from the smallest share of any pixel, which is
+/// counted as 1, to the largest.
+struct ShareScale {
+    smallest: f64,
+    largest: f64,
+}
+
+impl ShareScale {
+    fn of<'a>(cells: impl Iterator<Item = &'a CellDensity>) -> Self {
+        let mut scale = Self {
+            smallest: 1.0,
+            largest: 0.0,
+        };
+        for &share in cells.flat_map(|cell| &cell.shares) {
+            scale.largest = share.max(scale.largest);
+            if share > 0.0 {
+                scale.smallest = share.min(scale.smallest);
+            }
+        }
+        scale
+    }
+
+    fn count(&self, share: f64) -> u32 {
+        (share / self.smallest).round() as u32
+    }
+
+    fn key(&self) -> Key {
+        Key::Shares {
+            label: "share of states per pixel".to_owned(),
+            max_count: self.count(self.largest).max(1),
+            total: (1.0 / self.smallest).round() as u64,
+        }
+    }
+}
+
+/// Rows of at most `columns` panels, each above the row of its differences from the first cell.
+fn picture_rows(cells: &[CellDensity], scale: &ShareScale, columns: usize) -> Vec<Row> {
+    let differences = ShareDifferences::from_first(cells);
+    let mut rows = Vec::new();
+    for (cells, differences_of_cells) in cells
+        .chunks(columns)
+        .zip(differences.of_cells.chunks(columns))
+    {
+        let panels = cells.iter().map(|cell| density_panel(cell, scale));
+        rows.push(row(panels.collect(), columns, scale.key()));
+        if differences_of_cells.iter().any(Option::is_some) {
+            let panels = cells.iter().zip(differences_of_cells);
+            let panels = panels.map(|(cell, values)| differences.panel(cell, values.as_deref()));
+            rows.push(row(panels.collect(), columns, differences.key()));
+        }
+    }
+    rows
+}
+
+fn row(mut panels: Vec<Panel>, columns: usize, key: Key) -> Row {
+    panels.resize(columns, Panel::Blank);
+    Row {
+        height: ROW_HEIGHT,
+        panels,
+        key: Some(key),
+    }
+}
+
+fn density_panel(cell: &CellDensity, scale: &ShareScale) -> Panel {
+    let count = |&share: &f64| scale.count(share);
+    let states = States::Density(DensityImage {
+        pixels: cell.shares.iter().map(count).collect(),
+        width: cell.width(),
+        max_count: scale.count(scale.largest).max(1),
+    });
+    cell.panel(cell.title.clone(), states)
+}
+
+/// Differences of the shares of cells from those of the first cell.
+struct ShareDifferences<'a> {
+    name_of_first: &'a str,
+    /// For each cell the differences of all pixels: `[height × width]`; none for the first cell and
+    /// cells with other axes.
+    of_cells: Vec<Option<Vec<f64>>>,
+    /// Largest magnitude of all differences.
+    max: f64,
+}
+
+impl<'a> ShareDifferences<'a> {
+    fn from_first(cells: &'a [CellDensity]) -> Self {
+        let first = &cells[0];
+        let mut of_cells = vec![None];
+        for cell in &cells[1..] {
+            let pairs = cell.shares.iter().zip(&first.shares);
+            let is_comparable = cell.shares.len() == first.shares.len();
+            of_cells.push(is_comparable.then(|| pairs.map(|(a, b)| a - b).collect()));
+        }
+        let all = of_cells.iter().flatten().flatten();
+        let max = all.fold(0.0_f64, |max, difference: &f64| max.max(difference.abs()));
+        Self {
+            name_of_first: &first.name,
+            of_cells,
+            max,
+        }
+    }
+
+    fn panel(&self, cell: &CellDensity, differences: Option<&[f64]>) -> Panel {
+        let Some(differences) = differences else {
+            return Panel::Blank;
+        };
+        let scaled = |difference: &f64| {
+            let root = (difference.abs() / self.max.max(f64::MIN_POSITIVE)).sqrt();
+            root.copysign(*difference) as f32
+        };
+        let states = States::Difference(DifferenceImage {
+            pixels: differences.iter().map(scaled).collect(),
+            width: cell.width(),
+        });
+        cell.panel(format!("{} − {}", cell.name, self.name_of_first), states)
+    }
+
+    fn key(&self) -> Key {
+        Key::Differences {
+            label: "difference of shares, √ scale".to_owned(),
+            max: self.max,
+        }
+    }
+}
+
+fn axes(spec: &TaskSpec) -> Axes {
+    Axes::of_quantities(&spec.observations, spec.time_limit, BonusRange::None)
+}
+
+/// Specification of a task, with the fields that its axes need.
+fn spec(cell: &CellResults) -> TaskSpec {
+    TaskSpec {
+        name: cell.description.task.clone(),
+        description: String::new(),
+        observations: cell.observations(),
+        actions: Vec::new(),
+        control_step: 1.0,
+        time_limit: 1,
+        reward_threshold: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell(name: usize, shares: Vec<f64>) -> CellDensity {
+        let spec = TaskSpec {
+            name: String::new(),
+            description: String::new(),
+            observations: Vec::new(),
+            actions: Vec::new(),
+            control_step: 1.0,
+            time_limit: 1,
+            reward_threshold: None,
+        };
+        CellDensity {
+            shares,
+            ..CellDensity::new(name.to_string(), name.to_string(), &spec)
+        }
+    }
+
+    fn title(panel: &Panel) -> &str {
+        match panel {
+            Panel::ParallelCoordinates(panel) => &panel.title,
+            _ => "",
+        }
+    }
+
+    fn titles(rows: &[Row]) -> Vec<Vec<&str>> {
+        rows.iter()
+            .map(|row| row.panels.iter().map(title).collect())
+            .collect()
+    }
+
+    /// Five cells in rows of three. The second cell has twice the pixels, so that it has no
+    /// differences.
+    #[test]
+    fn many_cells_are_drawn_in_rows_of_equal_width_above_their_differences() {
+        let shares = |cell| vec![0.5; if cell == 1 { 2 } else { 1 } * AXIS_HEIGHT];
+        let cells: Vec<CellDensity> = (0..5).map(|number| cell(number, shares(number))).collect();
+        let rows = picture_rows(&cells, &ShareScale::of(cells.iter()), 3);
+        assert_eq!(
+            titles(&rows),
+            [
+                ["0", "1", "2"],
+                ["", "", "2 − 0"],
+                ["3", "4", ""],
+                ["3 − 0", "4 − 0", ""]
+            ]
+        );
+    }
+
+    #[test]
+    fn one_cell_has_no_row_of_differences() {
+        let cells = [cell(0, vec![0.5; AXIS_HEIGHT])];
+        let rows = picture_rows(&cells, &ShareScale::of(cells.iter()), 1);
+        assert_eq!(titles(&rows), [["0"]]);
+    }
+}
