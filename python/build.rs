@@ -21,7 +21,7 @@ fn main() {
         for name in task_files(&repository.join(folder)) {
             let file = repository.join(folder).join(&name);
             entries += &format!(
-                "    (\"{folder}/{name}\", include_str!(r#\"{}\"#)),\n",
+                "    BuiltinFile {{ path: \"{folder}/{name}\", text: include_str!(r#\"{}\"#) }},\n",
                 file.display()
             );
         }

@@ -1,18 +1,6 @@
 //! Tasks and scenarios that are built into the program.
 
-use std::path::{Path, PathBuf};
-
-/// A file that is built in.
-#[derive(Clone, Copy, Debug)]
-pub struct BuiltinFile {
-    /// Path in the repository, for example `envs/cartpole.ron`.
-    pub path: &'static str,
-    /// Text of the file.
-    pub text: &'static str,
-}
-
-/// Beginning of the paths of built-in files.
-const PREFIX: &str = "builtin:";
+use seedbed_env::input::BuiltinFile;
 
 /// Paths and texts of files of the repository.
 macro_rules! builtin_files {
@@ -168,41 +156,10 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "scenarios/tabular/parallel_chains_ucrl.ron",
 ];
 
-impl BuiltinFile {
-    /// The built-in file at `path`, which begins with `builtin:`.
-    pub(super) fn at(path: &Path) -> Option<&'static Self> {
-        let path = without_parents(path.to_str()?.strip_prefix(PREFIX)?)?;
-        BUILTIN_FILES.iter().find(|file| file.path == path)
-    }
-
-    /// The path that messages show, for example `builtin:envs/cartpole.ron`.
-    #[must_use]
-    pub fn full_path(&self) -> PathBuf {
-        PathBuf::from(format!("{PREFIX}{}", self.path))
-    }
-}
-
-/// The path without `..`, for example `envs/parking.ron` for `envs/mistakes/../parking.ron`. `None` if
-/// it leads out of the built-in files.
-fn without_parents(path: &str) -> Option<String> {
-    let mut parts = Vec::new();
-    for part in path.split('/') {
-        if part == ".." {
-            parts.pop()?;
-        } else {
-            parts.push(part);
-        }
-    }
-    Some(parts.join("/"))
-}
-
-/// Whether a path is that of a built-in file or folder.
-pub(super) fn is_builtin(path: &Path) -> bool {
-    path.to_str().is_some_and(|path| path.starts_with(PREFIX))
-}
-
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     /// The RON files in a folder of the repository, but not in its subfolders.
@@ -216,13 +173,6 @@ mod tests {
             .collect();
         files.sort();
         files
-    }
-
-    #[test]
-    fn paths_of_built_in_files_may_lead_through_parents() {
-        let file = BuiltinFile::at(Path::new("builtin:envs/mistakes/../parking.ron"));
-        assert_eq!(file.map(|file| file.path), Some("envs/parking.ron"));
-        assert!(BuiltinFile::at(Path::new("builtin:../envs/parking.ron")).is_none());
     }
 
     #[test]

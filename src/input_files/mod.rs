@@ -10,10 +10,14 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use seedbed_env::TaskDescription;
-use seedbed_env::input::{self, Disk, Document, FileSource, InputError};
+use seedbed_env::input::{self, BuiltinFile, DiskAndBuiltin, Document, FileSource, InputError};
 use serde::de::DeserializeOwned;
 
-pub use builtin::{BUILTIN_FILES, BuiltinFile};
+pub use builtin::BUILTIN_FILES;
+pub use seedbed_env::input::is_builtin;
+
+/// The file system and the built-in files, without streams.
+const FILES: DiskAndBuiltin = DiskAndBuiltin(BUILTIN_FILES);
 
 /// A directory in which files are looked up by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,25 +48,20 @@ impl Directory {
 
     /// The built-in files, with their names: the path below the directory, without `.ron`.
     pub fn builtin_files(self) -> impl Iterator<Item = (&'static str, &'static BuiltinFile)> {
-        let prefix = format!("{}/", self.name());
-        BUILTIN_FILES.iter().filter_map(move |file| {
-            let name = file.path.strip_prefix(&prefix)?.strip_suffix(".ron")?;
-            Some((name, file))
-        })
+        FILES.builtin_in(self.name())
     }
 }
 
-/// The file system and the built-in files.
+/// All that an argument may name: files on the disk, built-in files and streams.
 #[derive(Clone, Copy, Debug)]
-struct DiskAndBuiltin;
+struct AllFiles;
 
-impl FileSource for DiskAndBuiltin {
+impl FileSource for AllFiles {
     fn read(&self, path: &Path) -> Result<String, InputError> {
-        match BuiltinFile::at(path) {
-            Some(file) => Ok(file.text.to_owned()),
-            None if streams::is_stream(path) => streams::read(path),
-            None => Disk.read(path),
+        if streams::is_stream(path) {
+            return streams::read(path);
         }
+        FILES.read(path)
     }
 
     fn folder_of(&self, path: &Path) -> PathBuf {
@@ -70,19 +69,11 @@ impl FileSource for DiskAndBuiltin {
     }
 
     fn is_file(&self, path: &Path) -> bool {
-        BuiltinFile::at(path).is_some() || path.is_file() || streams::is_stream(path)
+        FILES.is_file(path) || streams::is_stream(path)
     }
 
     fn names_in(&self, folder: &Path) -> Vec<String> {
-        if !builtin::is_builtin(folder) {
-            return Disk.names_in(folder);
-        }
-        let directories = [Directory::Environments, Directory::Scenarios];
-        let files = directories.into_iter().flat_map(Directory::builtin_files);
-        files
-            .filter(|(_, file)| file.full_path().parent() == Some(folder))
-            .map(|(name, _)| name.to_owned())
-            .collect()
+        FILES.names_in(folder)
     }
 }
 
@@ -98,7 +89,7 @@ pub fn is_stream(path: &Path) -> bool {
 /// # Errors
 /// The file cannot be read.
 pub fn read_text(path: &Path) -> Result<String, InputError> {
-    DiskAndBuiltin.read(path)
+    AllFiles.read(path)
 }
 
 /// Reads a RON file, which may be built in.
@@ -115,7 +106,7 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Document<T>, InputError>
 /// # Errors
 /// The file, or one that it extends, cannot be read, or something in it is wrong.
 pub fn read_task(path: &Path) -> Result<(TaskDescription, String), InputError> {
-    seedbed_env::load_from(&DiskAndBuiltin, path)
+    seedbed_env::load_from(&AllFiles, path)
 }
 
 /// Paths of the files that a task is read from: its own, and those that it extends.
@@ -137,26 +128,20 @@ struct ListedFiles {
 impl FileSource for ListedFiles {
     fn read(&self, path: &Path) -> Result<String, InputError> {
         self.read.borrow_mut().push(path.to_owned());
-        DiskAndBuiltin.read(path)
+        AllFiles.read(path)
     }
 
     fn folder_of(&self, path: &Path) -> PathBuf {
-        DiskAndBuiltin.folder_of(path)
+        AllFiles.folder_of(path)
     }
 
     fn is_file(&self, path: &Path) -> bool {
-        DiskAndBuiltin.is_file(path)
+        AllFiles.is_file(path)
     }
 
     fn names_in(&self, folder: &Path) -> Vec<String> {
-        DiskAndBuiltin.names_in(folder)
+        AllFiles.names_in(folder)
     }
-}
-
-/// Whether a path is that of a built-in file.
-#[must_use]
-pub fn is_builtin(path: &Path) -> bool {
-    builtin::is_builtin(path)
 }
 
 /// The file that a command-line argument names: a path, or a name in one of `directories`, which
@@ -168,7 +153,7 @@ pub fn find_argument(path: &Path, directories: &[Directory]) -> Result<PathBuf, 
     if path == Path::new("-") {
         return Ok(streams::STANDARD_INPUT.into());
     }
-    if DiskAndBuiltin.is_file(path) {
+    if AllFiles.is_file(path) {
         return Ok(path.to_owned());
     }
     let argument = path.to_string_lossy();
@@ -189,18 +174,10 @@ pub fn find(
     directory: Directory,
     start_folders: &[PathBuf],
 ) -> Result<PathBuf, Vec<String>> {
-    let file = format!("{name}.ron");
-    let on_disk = start_folders
-        .iter()
-        .find_map(|start| input::find_upwards(start, directory.name(), &file));
-    if let Some(path) = on_disk {
-        return Ok(relative_path(&path));
-    }
-    let builtin = directory.builtin_files().find(|(known, _)| *known == name);
-    match builtin {
-        Some((_, file)) => Ok(file.full_path()),
-        None => Err(known_names(directory, start_folders)),
-    }
+    let found = FILES.find(name, directory.name(), start_folders);
+    found
+        .map(|path| relative_path(&path))
+        .ok_or_else(|| FILES.known_names(directory.name(), start_folders))
 }
 
 /// The folder from which relative paths in the file at `path` begin: that of the file, or the working
@@ -217,7 +194,7 @@ pub fn folder_of(path: &Path) -> PathBuf {
 /// the working directory. None for built-in files, which name only built-in files.
 #[must_use]
 pub fn start_folders(folder: &Path) -> Vec<PathBuf> {
-    if builtin::is_builtin(folder) {
+    if is_builtin(folder) {
         return Vec::new();
     }
     let folder = if folder.as_os_str().is_empty() {
@@ -250,7 +227,7 @@ fn not_found(argument: &str, directories: &[Directory], start_folders: &[PathBuf
     let is_path = input::is_ron(Path::new(argument)) || argument.contains('/');
     let known: Vec<String> = directories
         .iter()
-        .flat_map(|&directory| known_names(directory, start_folders))
+        .flat_map(|directory| FILES.known_names(directory.name(), start_folders))
         .collect();
     let near = input::nearest_name(argument, known.iter().map(String::as_str));
     let nouns: Vec<&str> = directories.iter().map(|kind| kind.noun()).collect();
@@ -273,16 +250,4 @@ fn not_found(argument: &str, directories: &[Directory], start_folders: &[PathBuf
             None => "`seedbed list` shows all names".to_owned(),
         }),
     }
-}
-
-/// Names of all files of a directory, on the disk or built in, sorted.
-fn known_names(directory: Directory, start_folders: &[PathBuf]) -> Vec<String> {
-    let folders = start_folders
-        .iter()
-        .flat_map(|start| input::folders_upwards(start, directory.name()));
-    let mut names: Vec<String> = folders.flat_map(|folder| Disk.names_in(&folder)).collect();
-    names.extend(directory.builtin_files().map(|(name, _)| name.to_owned()));
-    names.sort();
-    names.dedup();
-    names
 }

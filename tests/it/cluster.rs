@@ -5,10 +5,10 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-use super::study::{change_stored_curves, run_study, stored_results, study_text, write_study};
 use super::util::{
     command, files_below, run_command, send_signal, small_run, stderr, stdout, wait_until,
 };
+use crate::study::{change_stored_curves, run_study, stored_results, study_text, write_study};
 
 /// A study of long runs, of which none ends during a test.
 fn long_study_text() -> String {

@@ -28,8 +28,6 @@ mod state_files;
 #[cfg(unix)]
 mod stopping;
 mod study;
-#[cfg(unix)]
-mod study_checkpoints;
 mod submission;
 mod tabular;
 mod tune;

@@ -6,10 +6,10 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use super::study::{result_rows, run_study, study_text, write_study};
 use super::util::{
     assert_same_results, command, run_command, seedbed, send_signal, small_run, stderr, wait_until,
 };
+use crate::study::{result_rows, run_study, study_text, write_study};
 
 const RUN: [&str; 6] = [
     "--set",

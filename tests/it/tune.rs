@@ -5,8 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-use super::study::stored_results;
 use super::util::{REPOSITORY, command, crash, run_successful, seedbed, stderr, stdout};
+use crate::study::stored_results;
 
 /// A step size that learns nothing in twenty episodes, and one that learns.
 const STEP_SIZES: [&str; 2] = ["0.000000001", "0.002"];

@@ -10,7 +10,7 @@ use pyo3::types::PyTuple;
 use seedbed_env::input::InputError;
 use seedbed_env::{Choice, TaskDescription};
 
-use super::builtin::{self, DiskAndBuiltin};
+use super::builtin;
 
 create_exception!(
     seedbed,
@@ -116,7 +116,7 @@ impl Task {
     )]
     fn load(py: Python<'_>, file: PathBuf, run_seed: u64) -> PyResult<Self> {
         let path = builtin::find(&file)?;
-        let loaded = seedbed_env::load_from(&DiskAndBuiltin, &path);
+        let loaded = seedbed_env::load_from(&builtin::FILES, &path);
         let (description, text) = loaded.map_err(|error| task_error(py, &error))?;
         Ok(Self::new(&description, text, run_seed))
     }

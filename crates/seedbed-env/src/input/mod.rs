@@ -5,6 +5,7 @@
 //! which [`Document::locate`] turns into an error of the same form. This module must not depend on
 //! what the files mean.
 
+mod builtin;
 pub mod edit;
 mod error;
 mod explanation;
@@ -19,6 +20,7 @@ use std::path::Path;
 
 use serde::de::{DeserializeOwned, IgnoredAny};
 
+pub use builtin::{BuiltinFile, DiskAndBuiltin, is_builtin};
 pub(crate) use error::error_at;
 pub use error::{InputError, Position};
 pub use files::{

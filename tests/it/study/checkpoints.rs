@@ -8,8 +8,8 @@ use std::process::{Child, Output, Stdio};
 use tempfile::TempDir;
 use xxhash_rust::xxh64::xxh64;
 
-use super::study::{run_study, stored_results, write_study};
-use super::util::{
+use super::{run_study, stored_results, write_study};
+use crate::util::{
     REPOSITORY, command, files_below, names_in, send_signal, stderr, stdout, wait_until,
 };
 

@@ -1,0 +1,102 @@
+//! Seed-PG on hand-made episodes of two observations and one binary action.
+
+mod settings;
+mod sharing;
+mod updates;
+
+use super::config::*;
+use super::*;
+use crate::agent::TeamConfig;
+use crate::agent::scaling::ObservationScaling;
+use crate::seed::RewardSeeds;
+use seedbed_env::input::numbers::{ranged_count, ranged_number};
+use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
+
+fn spec() -> TaskSpec {
+    let quantity = |name: &str| Quantity {
+        name: name.to_owned(),
+        unit: String::new(),
+        range: [-1.0, 1.0],
+    };
+    TaskSpec {
+        observations: vec![quantity("x"), quantity("y")],
+        actions: vec![Action {
+            quantity: quantity("push"),
+            choice: Choice::Discrete(vec![-1.0, 1.0]),
+        }],
+        time_limit: 8,
+        ..TaskSpec::new("test", Vec::new(), Vec::new())
+    }
+}
+
+fn agent(config: &SeedPg, number: u32, sigma: f64) -> SeedPgAgent {
+    let seeds = RewardSeeds::Normal {
+        sigma: ranged_number(sigma),
+    };
+    let team = TeamConfig {
+        count: ranged_count(2),
+        seeds: seeds.into(),
+        ..TeamConfig::default()
+    };
+    SeedPgAgent::new(
+        config,
+        &AgentContext {
+            run_seed: 1,
+            agent: number,
+            team: &team,
+            spec: &spec(),
+            record_advantages: false,
+        },
+    )
+}
+
+/// An episode of six steps, each with an action of probability ½ under the policy that acted.
+fn episode(agent: u32) -> Episode {
+    let wave =
+        |count: usize, phase: f32| (0..count).map(|i| (i as f32 * 0.9 + phase).sin()).collect();
+    Episode {
+        observations: wave(14, agent as f32),
+        actions: vec![0.0, 1.0, 1.0, 0.0, 1.0, 0.0],
+        rewards: wave(6, 0.3),
+        log_probs: vec![0.5_f32.ln(); 6],
+        outcome: Status::Terminated,
+        ..Episode::start(agent, 0, 0, &spec())
+    }
+}
+
+fn update(learner: &mut SeedPgAgent, agents: impl IntoIterator<Item = u32>, round: u32) -> Update {
+    update_on(
+        learner,
+        &agents.into_iter().map(episode).collect::<Vec<_>>(),
+        round,
+    )
+}
+
+fn update_on(learner: &mut SeedPgAgent, episodes: &[Episode], round: u32) -> Update {
+    let lengths: Vec<u32> = episodes
+        .iter()
+        .map(|episode| episode.length() as u32)
+        .collect();
+    learner.update(&Experience {
+        new_episodes: episodes,
+        new_lengths: &lengths,
+        all_episodes: episodes,
+        earlier_updates: round,
+    })
+}
+
+fn parameters(agent: &SeedPgAgent) -> Vec<f32> {
+    agent
+        .tensors()
+        .iter()
+        .flat_map(|tensor| tensor.values.to_vec())
+        .collect()
+}
+
+fn own_data() -> SeedPg {
+    SeedPg {
+        value_data: Data::Own,
+        policy_data: Data::Own,
+        ..SeedPg::default()
+    }
+}
