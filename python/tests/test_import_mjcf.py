@@ -129,6 +129,7 @@ CART_TASK = """Environment(
         (name: "turn_dot", unit: "rad/s", range: (-10.0, 10.0)),
     ],
     // At rest in the reference pose, where its coordinates are in their ranges.
+    // Positions count from the reference pose, unlike the sensors; x: 0 is 0.25 of MJCF.
     reset: [],
     // Nothing is rewarded yet.
     reward: "0",
@@ -279,6 +280,10 @@ def test_files_that_cannot_be_read(content: str | None, expected: str, tmp_path:
     assert message.startswith(f"{path}: {expected}")
 
 
+def test_a_folder_is_no_model(tmp_path: Path) -> None:
+    assert errors_of(tmp_path) == [f"{tmp_path}: expected an MJCF file, found a folder"]
+
+
 def test_mujoco_is_optional(model: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     [message] = errors_of(model(CART))
@@ -315,6 +320,72 @@ def test_the_task_goes_to_standard_output(model: Write, capsys: pytest.CaptureFi
     output = capsys.readouterr()
     assert output.err == ""
     assert "    time_limit: 7,\n" in output.out
+
+
+def test_files_are_replaced_only_on_request(model: Write, capsys: pytest.CaptureFixture[str]) -> None:
+    path = model(CART)
+    text = path.read_text()
+    assert main([str(path), "--no-comparison", "-o", str(path)]) == 2
+    assert capsys.readouterr().err == f"error: {path}: there is such a file: expected another name, or --overwrite to replace it\n"
+    assert path.read_text() == text
+    assert main([str(path), "--no-comparison", "--overwrite", "-o", str(path)]) == 0
+    assert path.read_text().startswith("// Converted from model.xml")
+
+
+@pytest.mark.parametrize("arguments", [[], ["--no-comparison"]])
+def test_a_file_that_is_not_correct_is_not_written(arguments: list[str], model: Write, capsys: pytest.CaptureFixture[str]) -> None:
+    negative = model(CART.replace('damping="0.1"', 'damping="-1"'))
+    assert main([str(negative), *arguments]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert "error: model.xml: the converted file is not correct: model.ron:" in output.err
+    assert "in `joints[1].damping`: expected a number of at least 0" in output.err
+
+
+def test_what_is_left_out_is_reported_and_written(model: Write, capsys: pytest.CaptureFixture[str]) -> None:
+    friction = 'damping="0.1" frictionloss="1" solreffriction="0.5 1" solimpfriction="0.5 0.6 0.1"'
+    text = CART.replace('damping="0.1"', friction) + '<keyframe><key name="up" qpos="0.25 1"/><key qpos="0 0"/></keyframe>'
+    path = model(text + '<sensor><jointpos name="angle" joint="turn"/></sensor>')
+    assert main([str(path), "--no-comparison"]) == 0
+    output = capsys.readouterr()
+    assert output.err.splitlines() == [
+        'warning: model.xml: joint "turn": solreffriction is left out',
+        'warning: model.xml: joint "turn": solimpfriction is left out',
+        "left out: model.xml: the sensors angle",
+        "left out: model.xml: the keyframes up, (unnamed)",
+    ]
+    assert '// Changed: joint "turn": solreffriction is left out.\n' in output.out
+    assert "// Left out: the keyframes up, (unnamed).\n" in output.out
+
+
+FLOOR = """
+<option cone="elliptic" impratio="10"/>
+<worldbody>
+  <geom name="floor" type="plane" size="1 1 1"/>
+  <body name="a&#13;b" pos="0 0 1"><joint type="slide" axis="0 0 1"/><geom name="ball&#13;)" size="0.1"/></body>
+</worldbody>
+"""
+
+
+def test_targets_in_degrees_and_taut_ropes_are_reported(model: Write, capsys: pytest.CaptureFixture[str]) -> None:
+    text = CART.replace("<actuator>", '<actuator><position joint="turn" kp="1" ctrlrange="-90 90"/>')
+    text = text.replace('<geom name="rail"', '<site name="hook" pos="0 0 3"/><geom name="rail"')
+    text = text.replace('<body name="pole"', '<site name="eye"/><body name="pole"')
+    rope = '<tendon><spatial name="rope" limited="true" range="0 2"><site site="hook"/><site site="eye"/></spatial></tendon>'
+    assert main([str(model(text + rope)), "--no-comparison"]) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        "warning: model.xml: actuator 0 (unnamed): it turns the hinge the shorter way around",
+        "warning: model.xml: actuator 0 (unnamed): its target goes to 90 rad: MuJoCo does not convert ctrlrange from degrees",
+        'warning: model.xml: tendon "rope": it is taut in the reference pose, in which its sites are 0.5 m too far apart',
+    ]
+
+
+def test_options_of_contacts_are_left_out(model: Write) -> None:
+    assert '// Left out: option cone="elliptic", of MuJoCo\'s contacts.\n// Left out: option impratio="10",' in convert(model(FLOOR))
+
+
+def test_names_do_not_end_comments(model: Write) -> None:
+    assert "\r" not in convert(model(FLOOR))
 
 
 @pytest.mark.parametrize("arguments", [["--frame-skip", "0"], ["--time-limit", "x"], ["-o", "no/such/folder"]])

@@ -6,13 +6,14 @@ import argparse
 import sys
 from pathlib import Path
 
+from .comparison import check_task, comparison_text
 from .conversion import Conversion, Options, convert_model
 from .report import MjcfError
-from .writing import task_text
+from .writing import dropped, task_text
 
 EXAMPLES = """examples:
-  python -m seedbed.import_mjcf hopper.xml --frame-skip 4 > envs/hopper_mjcf.ron
-  python -m seedbed.import_mjcf hopper.xml --frame-skip 4 --no-comparison -o envs/hopper_mjcf.ron
+  python -m seedbed.import_mjcf hopper.xml --frame-skip 4 -o envs/hopper_mjcf.ron
+  python -m seedbed.import_mjcf hopper.xml --frame-skip 4 --no-comparison > envs/hopper_mjcf.ron
 
 Then: seedbed check envs/hopper_mjcf.ron
 
@@ -28,11 +29,13 @@ def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     options = parser().parse_args(arguments)
     try:
+        check_output(options.output, options.overwrite)
         conversion = convert_model(options.model, Options(options.frame_skip, options.time_limit))
         text = task_text(conversion)
-        report_warnings(conversion)
+        report_changes(conversion)
+        check_task(conversion, text)
         if options.comparison:
-            compare(conversion, text)
+            print(comparison_text(conversion, text), file=sys.stderr)
         write(text, options.output)
     except MjcfError as error:
         for message in error.messages:
@@ -50,6 +53,7 @@ def parser() -> argparse.ArgumentParser:
     )
     found.add_argument("model", metavar="MODEL.xml", help="the MJCF file")
     found.add_argument("-o", "--output", metavar="FILE", help="write the task file here instead of to standard output")
+    found.add_argument("--overwrite", action="store_true", help="replace the file of --output if there is one")
     found.add_argument(
         "--frame-skip", type=positive, default=1, metavar="N", help="MuJoCo's time steps per control step (default: 1)"
     )
@@ -69,16 +73,22 @@ def positive(text: str) -> int:
     return int(text)
 
 
-def report_warnings(conversion: Conversion) -> None:
+def check_output(output: str | None, may_replace: bool) -> None:
+    """Nothing that people wrote is lost.
+
+    Raises:
+        MjcfError: There is a file of this name.
+    """
+    if output is not None and not may_replace and Path(output).exists():
+        raise MjcfError([f"{output}: there is such a file: expected another name, or --overwrite to replace it"])
+
+
+def report_changes(conversion: Conversion) -> None:
     report = conversion.source.report
     for warning in report.warnings:
         print(f"warning: {report.file}: {warning}", file=sys.stderr)
-
-
-def compare(conversion: Conversion, text: str) -> None:
-    from .comparison import comparison_text
-
-    print(comparison_text(conversion, text), file=sys.stderr)
+    for text in dropped(conversion):
+        print(f"left out: {report.file}: {text}", file=sys.stderr)
 
 
 def write(text: str, output: str | None) -> None:

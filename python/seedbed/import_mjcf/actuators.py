@@ -9,13 +9,10 @@ import numpy as np
 
 from . import ron
 from .bodies import Bodies
-from .joints import Joint, may_be_far
+from .joints import DEFAULT_SOLIMP, DEFAULT_SOLREF, Joint, may_be_far
 from .names import Names
 from .plane import Array, Plane
 from .source import Source
-
-DEFAULT_SOLREF = (0.02, 1.0)
-
 
 @dataclass
 class Actuator:
@@ -209,6 +206,10 @@ def report_target(drive: Drive, joint: Joint, factor: float, shift: float) -> No
         drive.source.report.warning(drive.label, message)
     if any(may_be_far(joint, factor * (end - shift)) for end in drive.control):
         drive.source.report.warning(drive.label, "it turns the hinge the shorter way around")
+    farthest = max(abs(end) for end in drive.control)
+    if joint.kind == "hinge" and farthest > 2 * math.pi:
+        message = f"its target goes to {farthest:g} rad: MuJoCo does not convert ctrlrange from degrees"
+        drive.source.report.warning(drive.label, message)
 
 
 def unique_name(drive: Drive, names: Names, joint: Joint, suffix: str) -> str:
@@ -322,6 +323,9 @@ def rope(source: Source, plane: Plane, bodies: Bodies, tendon: int, names: Names
     ]
     name = names.unique(source.name("tendon", tendon), f"rope{tendon}")
     length = math.sqrt(high * high - depth * depth) if depth else high
+    distance = float(np.linalg.norm(plane.project(positions[1] - positions[0])))
+    if distance > length:
+        source.report.warning(label, f"it is taut in the reference pose, in which its sites are {distance - length:.3g} m too far apart")
     return Rope(tendon, name, (bodies.name(owners[0]), bodies.name(owners[1])), (points[0], points[1]), length)
 
 
@@ -353,5 +357,7 @@ def check_tendon(source: Source, tendon: int) -> None:
             source.report.error(source.label("tendon", tendon), f"{name} is not expressible: expected to leave it out")
     if model.tendon_limited[tendon] and not np.allclose(model.tendon_solref_lim[tendon], DEFAULT_SOLREF):
         source.report.warning(source.label("tendon", tendon), "solreflimit is left out")
+    if model.tendon_limited[tendon] and not np.allclose(model.tendon_solimp_lim[tendon], DEFAULT_SOLIMP):
+        source.report.warning(source.label("tendon", tendon), "solimplimit is left out")
     if model.tendon_margin[tendon] != 0:
         source.report.warning(source.label("tendon", tendon), "margin is left out")

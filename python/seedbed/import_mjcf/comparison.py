@@ -62,6 +62,15 @@ class Motion:
         return float(positions.max(initial=0.0)), float(velocities.max(initial=0.0))
 
 
+def check_task(conversion: Conversion, text: str) -> None:
+    """Check the task file as `seedbed check` does.
+
+    Raises:
+        MjcfError: The task file is not correct.
+    """
+    environment_of(conversion, text).close()
+
+
 def comparison_text(conversion: Conversion, text: str) -> str:
     """A table of differences between the motion of the task and that of MuJoCo, for random controls.
 
@@ -91,7 +100,24 @@ def comparison_text(conversion: Conversion, text: str) -> str:
         f"(The last {len(REFINEMENTS)} lines: MuJoCo with {integrator} and 1/{shorter} of its timestep. "
         "An error of first order is halved from line to line.)"
     )
+    lines += reasons(conversion)
     return "\n".join(lines)
+
+
+def reasons(conversion: Conversion) -> list[str]:
+    """Why the error of the last lines may not be halved."""
+    rubbing = [joint.name for joint in conversion.joints if joint.frictionloss]
+    wrapping = [joint.name for joint in conversion.joints if joint.stiffness and joint.kind == "hinge" and joint.range]
+    wrapping += [actuator.name for actuator in conversion.actuators if actuator.kind.startswith("PositionServo")]
+    lines = []
+    if rubbing:
+        lines.append(f"(frictionloss of {', '.join(rubbing)}: dry friction lets a joint creep in both programs, each by its own amount.)")
+    if wrapping:
+        lines.append(
+            f"({', '.join(wrapping)}: without ranges a hinge may turn by more than half a turn; springs and servos then pull the shorter "
+            "way around, unlike MuJoCo's.)"
+        )
+    return lines
 
 
 def row(title: str, ours: Motion, theirs: Motion) -> str:

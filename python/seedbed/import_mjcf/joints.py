@@ -12,6 +12,9 @@ from .names import Names
 from .plane import TOLERANCE, Array, Plane
 from .source import Source
 
+DEFAULT_SOLREF = (0.02, 1.0)
+"""MuJoCo's time constant (s) and damping ratio."""
+
 DEFAULT_SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
 """MuJoCo's dmin, dmax, width, midpoint and power."""
 
@@ -87,6 +90,7 @@ def check_combination(source: Source, plane: Plane, body: int, joints: list[int]
     if not set(kinds) <= {"slide", "hinge"}:
         return
     labels = ", ".join(source.label("joint", joint) for joint in joints)
+    slides = ", ".join(source.label("joint", joint) for joint in joints[:2])
     expected = "expected up to two slides, then at most one hinge"
     if "".join(kind[0] for kind in kinds) not in ("", "s", "h", "sh", "ss", "ssh"):
         kinds_text = ", ".join(kinds)
@@ -94,7 +98,7 @@ def check_combination(source: Source, plane: Plane, body: int, joints: list[int]
     elif kinds[:2] == ["slide", "slide"]:
         axes = [plane.project(source.data.xaxis[joint]) for joint in joints[:2]]
         if abs(axes[0] @ axes[1]) > TOLERANCE:
-            message = f"its slides {labels} are not perpendicular: {expected}, and slides along perpendicular axes"
+            message = f"its slides {slides} are not perpendicular: {expected}, and slides along perpendicular axes"
             source.report.error(source.label("body", body), message)
 
 
@@ -139,6 +143,17 @@ def set_passive_forces(source: Source, joint: Joint, index: int) -> None:
         joint.springref = float(model.qpos_spring[model.jnt_qposadr[index]]) - joint.reference
     if not (source.is_disabled("frictionloss") or source.is_disabled("constraint")):
         joint.frictionloss = float(model.dof_frictionloss[degree])
+    if joint.frictionloss:
+        report_friction(source, index, degree)
+
+
+def report_friction(source: Source, index: int, degree: int) -> None:
+    """How MuJoCo's dry friction creeps is not expressible."""
+    model = source.model
+    if not np.allclose(model.dof_solref[degree], DEFAULT_SOLREF):
+        source.report.warning(source.label("joint", index), "solreffriction is left out")
+    if not np.allclose(model.dof_solimp[degree], DEFAULT_SOLIMP):
+        source.report.warning(source.label("joint", index), "solimpfriction is left out")
 
 
 def check_passive_forces(source: Source, index: int, degree: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -116,6 +117,7 @@ def written_record(record: Record, indent: int) -> str:
 def comment_lines(text: str, indent: str = "") -> list[str]:
     """Lines of a comment, wrapped at the width of files. Lines of the text stay apart."""
     lines = []
+    text = re.sub(r"[\x00-\x09\x0b-\x1f\x7f\x85\u2028\u2029]", " ", text)
     for paragraph in filter(None, text.split("\n")):
         line = ""
         for word in paragraph.split(" "):

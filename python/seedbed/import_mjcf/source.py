@@ -51,6 +51,8 @@ class Source:
         self.mujoco.mj_comPos(self.model, self.data)
 
     def _read(self) -> Any:
+        if self.path.is_dir():
+            raise MjcfError([f"{self.path}: expected an MJCF file, found a folder"])
         if not self.path.is_file():
             raise MjcfError([f"{self.path}: there is no such file"])
         try:

@@ -12,6 +12,7 @@ from .joints import Joint
 from .plane import TOLERANCE, WORLD, Frame
 from .ron import Record, Value, length, number, quoted, vector
 from .shapes import shape, why_not
+from .source import Source
 
 SLIDE_RANGE = 5.0
 VELOCITY_RANGE = 10.0
@@ -56,14 +57,14 @@ def header_text(conversion: Conversion) -> str:
         f"{conversion.options.frame_skip} per control step.",
         "Coordinates of joints are 0 in the reference pose of the model; sensors have the values of MuJoCo's qpos.",
         *[f"Changed: {warning}." for warning in source.report.warnings],
-        *dropped(conversion),
+        *[f"Left out: {text}." for text in dropped(conversion)],
         NEXT,
     ]
     return "\n".join(lines)
 
 
 def dropped(conversion: Conversion) -> list[str]:
-    """What has no effect on the motion and is left out."""
+    """What is left out without a change of the motion, but for friction cones."""
     source = conversion.source
     lines = []
     shapeless = [
@@ -72,16 +73,26 @@ def dropped(conversion: Conversion) -> list[str]:
         if geom.is_visible(source) and drawn_shape(conversion, geom.index) is None
     ]
     for index in shapeless:
-        lines.append(
-            f"Left out: {source.label('geom', index)}, which is not drawn: {why_not(conversion.geoms[index])}."
-        )
+        lines.append(f"{source.label('geom', index)}, which is not drawn: {why_not(conversion.geoms[index])}")
     depth = conversion.plane.depth(source.model.opt.gravity)
     if abs(depth) > 0 and not source.is_disabled("gravity"):
-        lines.append(f"Left out: the gravity of {abs(depth):g} m/s² perpendicular to the plane.")
-    names = [source.name("sensor", index) for index in range(source.model.nsensor)]
-    if names:
-        lines.append(f"Left out: the sensors {', '.join(name or '(unnamed)' for name in names)}.")
+        lines.append(f"the gravity of {abs(depth):g} m/s² perpendicular to the plane")
+    for kind, number_of in (("sensor", source.model.nsensor), ("key", source.model.nkey)):
+        names = [source.name(kind, index) or "(unnamed)" for index in range(number_of)]
+        if names:
+            lines.append(f"the {'keyframes' if kind == 'key' else 'sensors'} {', '.join(names)}")
+    if conversion.contacts.surfaces:
+        lines += [f"option {text}, of MuJoCo's contacts" for text in contact_options(source)]
     return lines
+
+
+def contact_options(source: Source) -> list[str]:
+    """Options of the solver of contacts that are not MuJoCo's defaults."""
+    option = source.model.opt
+    cone = source.kind_of("mjtCone", "mjCONE_", option.cone)
+    found = [f'cone="{cone}"'] if cone != "pyramidal" else []
+    found += [f'impratio="{option.impratio:g}"'] if option.impratio != 1 else []
+    return found + ([f'noslip_iterations="{option.noslip_iterations}"'] if option.noslip_iterations else [])
 
 
 def task(conversion: Conversion) -> Record:
@@ -124,9 +135,17 @@ def comments(conversion: Conversion) -> dict[str, str]:
         "joints": "axis, pos, range, damping, frictionloss, armature, stiffness, springref; bodies without joints are welded\n"
         "range_softness: solreflimit, solimplimit, as a spring that yields as far to a lasting force and recovers as fast",
         "actuators": "gear, gainprm, biasprm, ctrlrange of actuators",
-        "reset": "At rest in the reference pose, where its coordinates are in their ranges.",
+        "reset": start_comment(conversion),
         "reward": "Nothing is rewarded yet.",
     }
+
+
+def start_comment(conversion: Conversion) -> str:
+    text = "At rest in the reference pose, where its coordinates are in their ranges."
+    shifted = [f"{joint.name}: 0 is {number(joint.reference)} of MJCF" for joint in conversion.joints if joint.reference]
+    if shifted:
+        text += f"\nPositions count from the reference pose, unlike the sensors; {', '.join(shifted)}."
+    return text
 
 
 def gravity(conversion: Conversion) -> str:

@@ -53,6 +53,7 @@ pub(super) fn time(value: f64) -> String {
 pub(super) fn interval(interval: Interval) -> String {
     match interval {
         Interval::Known { low, high } => format!("{} to {}", number(low), number(high)),
+        Interval::TooFewRuns { n: 1 } => "none: 1 run is too few".to_owned(),
         Interval::TooFewRuns { n } => format!("none: {n} runs are too few"),
     }
 }
