@@ -315,6 +315,15 @@ def test_the_command_writes_the_file_and_compares(model: Write, tmp_path: Path) 
     ]
 
 
+def test_the_comparison_names_joints_whose_error_may_not_shrink(model: Write, capsys: pytest.CaptureFixture[str]) -> None:
+    pole = 'damping="0.1" stiffness="2" frictionloss="0.5" range="-90 90" limited="true"'
+    servo = '<actuator><position joint="x" kp="1" ctrlrange="-1 1"/>'
+    assert main([str(model(CART.replace('damping="0.1"', pole).replace("<actuator>", servo)))]) == 0
+    rubbing, wrapping = capsys.readouterr().err.splitlines()[-2:]
+    assert rubbing.startswith("(frictionloss of turn: ")
+    assert wrapping.startswith("(turn: without ranges ")
+
+
 def test_the_task_goes_to_standard_output(model: Write, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([str(model(CART)), "--no-comparison", "--time-limit", "7"]) == 0
     output = capsys.readouterr()

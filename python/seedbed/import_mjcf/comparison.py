@@ -13,8 +13,10 @@ import numpy as np
 
 from .contacts import Contacts
 from .conversion import Conversion, Coordinate
+from .joints import Joint
 from .plane import Array
 from .report import MjcfError
+from .ron import quoted
 from .writing import task_text
 
 STEPS = (1, 10, 100)
@@ -107,8 +109,8 @@ def comparison_text(conversion: Conversion, text: str) -> str:
 def reasons(conversion: Conversion) -> list[str]:
     """Why the error of the last lines may not be halved."""
     rubbing = [joint.name for joint in conversion.joints if joint.frictionloss]
-    wrapping = [joint.name for joint in conversion.joints if joint.stiffness and joint.kind == "hinge" and joint.range]
-    wrapping += [actuator.name for actuator in conversion.actuators if actuator.kind.startswith("PositionServo")]
+    hinges = [joint for joint in conversion.joints if joint.kind == "hinge"]
+    wrapping = [joint.name for joint in hinges if joint.range and (joint.stiffness or has_position_servo(conversion, joint))]
     lines = []
     if rubbing:
         lines.append(f"(frictionloss of {', '.join(rubbing)}: dry friction lets a joint creep in both programs, each by its own amount.)")
@@ -118,6 +120,11 @@ def reasons(conversion: Conversion) -> list[str]:
             "way around, unlike MuJoCo's.)"
         )
     return lines
+
+
+def has_position_servo(conversion: Conversion, joint: Joint) -> bool:
+    start = f"PositionServo(joint: {quoted(joint.name)}, "
+    return any(actuator.kind.startswith(start) for actuator in conversion.actuators)
 
 
 def row(title: str, ours: Motion, theirs: Motion) -> str:

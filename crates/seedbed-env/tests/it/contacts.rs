@@ -438,6 +438,21 @@ fn a_ball_bounces_as_high_as_its_restitution_says() {
     }
 }
 
+/// A ball at 60 m/s passes another one at a distance of 1 cm.
+#[test]
+fn a_ball_with_restitution_does_not_bounce_off_what_it_misses() {
+    let rest = r#"
+        colliders: [(geom: Ball(radius: 0.1), restitution: 0.9)],
+        bodies: [(name: "ball", mass: 1.0, colliders: [(geom: Ball(radius: 0.1))])],
+        sensors: [],"#;
+    let mut ball = bodies(&task("(0.0, 0.0)", rest));
+    ball.start(0, &[-2.5, 0.21, 0.0], &[60.0, 0.0, 0.0]);
+    run(&mut *ball, 0.1);
+    let [(x, x_rate), (y, y_rate)] = [0, 1].map(|axis| coordinate(&*ball, axis));
+    assert!((x - 3.5).abs() < 1e-4 && (x_rate - 60.0).abs() < 1e-4);
+    assert!((y - 0.21).abs() < 1e-4 && y_rate.abs() < 1e-4);
+}
+
 /// MuJoCo's rule: two surfaces touch iff the `conaffinity` of one has a bit of the `contype` of the
 /// other.
 #[test]

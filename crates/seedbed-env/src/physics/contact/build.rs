@@ -95,6 +95,20 @@ impl WorldTemplate {
 /// distance at which contacts are predicted grows with the time between two contact updates.
 const MAX_PREDICTED_SPEED: f32 = 4.0;
 
+/// The distance at which contacts are predicted, m, in tasks with restitution. A predicted contact
+/// bounces before the surfaces touch, and also if they would miss each other.
+const PREDICTION_OF_BOUNCES: f32 = 0.002;
+
+/// Distance at which contacts are predicted, m. `dt`: time between two contact updates, s
+fn prediction_distance(task: &BodyTask, dt: f32) -> f32 {
+    let surfaces = &task.colliders;
+    if surfaces.iter().any(|surface| surface.restitution > 0.0) {
+        PREDICTION_OF_BOUNCES
+    } else {
+        MAX_PREDICTED_SPEED * dt
+    }
+}
+
 /// Rapier's settings. Contacts are not recycled from one step to the next, because recycled ones
 /// gain energy on sloping ground. Continuous collision detection is off, because it moves
 /// multibodies without updating their coordinates; bodies must be slow enough, or walls thick
@@ -111,7 +125,7 @@ fn parameters(task: &BodyTask) -> IntegrationParameters {
         num_internal_pgs_iterations: task.solver.solver_iterations as usize,
         num_internal_stabilization_iterations: 1,
         normalized_allowed_linear_error: TOLERANCE,
-        normalized_prediction_distance: MAX_PREDICTED_SPEED * dt,
+        normalized_prediction_distance: prediction_distance(task, dt),
         normalized_max_linear_velocity: f32::MAX,
         max_ccd_substeps: 0,
         contact_recycling: false,
