@@ -224,10 +224,10 @@ fn entropy_weight(largest: NonNegative, agent: u32, agents: u32) -> NonNegative 
 mod tests {
     use super::*;
     use crate::agent::TeamConfig;
+    use crate::algorithms::seed_pg::tests::{episode_with_rewards, spec};
     use crate::experience::Episode;
     use crate::seed::RewardSeeds;
     use crate::team::{AgentUpdate, Learner, LearningRequest, LearningTiming, Workers};
-    use seedbed_env::{Action, Choice, Quantity, Status};
 
     /// K = 5, σ = 0.4: weights 0, 0.1, 0.2, 0.3, 0.4. A single agent leads.
     #[test]
@@ -255,37 +255,6 @@ mod tests {
         assert_eq!(weights(1), [0.0]);
     }
 
-    fn spec() -> TaskSpec {
-        let quantity = |name: &str| Quantity {
-            name: name.to_owned(),
-            unit: String::new(),
-            range: [-1.0, 1.0],
-        };
-        TaskSpec {
-            observations: vec![quantity("x"), quantity("y")],
-            actions: vec![Action {
-                quantity: quantity("push"),
-                choice: Choice::Discrete(vec![-1.0, 1.0]),
-            }],
-            time_limit: 8,
-            ..TaskSpec::new("test", Vec::new(), Vec::new())
-        }
-    }
-
-    /// An episode of six steps whose rewards have the given phase.
-    fn episode(agent: u32, phase: f32) -> Episode {
-        let wave =
-            |count: usize, phase: f32| (0..count).map(|i| (i as f32 * 0.9 + phase).sin()).collect();
-        Episode {
-            observations: wave(14, agent as f32),
-            actions: vec![0.0, 1.0, 1.0, 0.0, 1.0, 0.0],
-            rewards: wave(6, phase),
-            log_probs: vec![0.5_f32.ln(); 6],
-            outcome: Status::Terminated,
-            ..Episode::start(agent, 0, 0, &spec())
-        }
-    }
-
     /// The updates of three agents, whose episodes have rewards of these phases.
     fn learn(config: &LeaderFollowers, phases: [f32; 3]) -> Vec<(AgentUpdate, Vec<f32>)> {
         let team = TeamConfig {
@@ -306,7 +275,7 @@ mod tests {
         });
         let episodes: Vec<Episode> = (0..)
             .zip(phases)
-            .map(|(k, phase)| episode(k, phase))
+            .map(|(k, phase)| episode_with_rewards(k, phase))
             .collect();
         let learners: Vec<Learner> = (0..3)
             .map(|agent| Learner {

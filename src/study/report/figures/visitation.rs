@@ -9,7 +9,6 @@ use crate::study::figure::EpisodeWindow;
 use crate::study::results::CellResults;
 use crate::study::run_result::VisitedStates;
 use crate::text::pluralize;
-use seedbed_env::TaskSpec;
 use seedbed_figure::{
     DensityImage, DifferenceImage, Figure as Picture, Key, Panel, ParallelCoordinates, Row, States,
 };
@@ -79,8 +78,7 @@ struct CellDensity {
 }
 
 impl CellDensity {
-    fn new(name: String, title: String, spec: &TaskSpec) -> Self {
-        let axes = axes(spec);
+    fn new(name: String, title: String, axes: Axes) -> Self {
         Self {
             name,
             title,
@@ -153,7 +151,7 @@ fn densities(cells: &[&CellResults], window: EpisodeWindow) -> Vec<CellDensity> 
             indicatif::HumanCount(visited),
             pluralize(runs.len(), "run")
         );
-        let mut density = CellDensity::new(name, title, &spec(cell));
+        let mut density = CellDensity::new(name, title, axes(cell));
         for (_, states) in &runs {
             density.add_run(states, visited);
         }
@@ -294,21 +292,9 @@ impl<'a> ShareDifferences<'a> {
     }
 }
 
-fn axes(spec: &TaskSpec) -> Axes {
-    Axes::of_quantities(&spec.observations, spec.time_limit, BonusRange::None)
-}
-
-/// Specification of a task, with the fields that its axes need.
-fn spec(cell: &CellResults) -> TaskSpec {
-    TaskSpec {
-        name: cell.description.task.clone(),
-        description: String::new(),
-        observations: cell.observations(),
-        actions: Vec::new(),
-        control_step: 1.0,
-        time_limit: 1,
-        reward_threshold: None,
-    }
+/// The axes of a cell: those of its observations.
+fn axes(cell: &CellResults) -> Axes {
+    Axes::of_quantities(&cell.observations(), 1, BonusRange::None)
 }
 
 #[cfg(test)]
@@ -316,18 +302,10 @@ mod tests {
     use super::*;
 
     fn cell(name: usize, shares: Vec<f64>) -> CellDensity {
-        let spec = TaskSpec {
-            name: String::new(),
-            description: String::new(),
-            observations: Vec::new(),
-            actions: Vec::new(),
-            control_step: 1.0,
-            time_limit: 1,
-            reward_threshold: None,
-        };
+        let axes = Axes::of_quantities(&[], 1, BonusRange::None);
         CellDensity {
             shares,
-            ..CellDensity::new(name.to_string(), name.to_string(), &spec)
+            ..CellDensity::new(name.to_string(), name.to_string(), axes)
         }
     }
 

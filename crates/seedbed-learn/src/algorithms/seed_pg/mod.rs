@@ -13,7 +13,7 @@ mod estimates;
 mod learning;
 mod samples;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 mod totals;
 
 use rand::seq::index;

@@ -12,7 +12,7 @@ use crate::seed::RewardSeeds;
 use seedbed_env::input::numbers::{ranged_count, ranged_number};
 use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
 
-fn spec() -> TaskSpec {
+pub(in crate::algorithms) fn spec() -> TaskSpec {
     let quantity = |name: &str| Quantity {
         name: name.to_owned(),
         unit: String::new(),
@@ -50,14 +50,19 @@ fn agent(config: &SeedPg, number: u32, sigma: f64) -> SeedPgAgent {
     )
 }
 
-/// An episode of six steps, each with an action of probability ½ under the policy that acted.
 fn episode(agent: u32) -> Episode {
+    episode_with_rewards(agent, 0.3)
+}
+
+/// An episode of six steps, each with an action of probability ½ under the policy that acted. `phase`:
+/// of the wave of its rewards
+pub(in crate::algorithms) fn episode_with_rewards(agent: u32, phase: f32) -> Episode {
     let wave =
         |count: usize, phase: f32| (0..count).map(|i| (i as f32 * 0.9 + phase).sin()).collect();
     Episode {
         observations: wave(14, agent as f32),
         actions: vec![0.0, 1.0, 1.0, 0.0, 1.0, 0.0],
-        rewards: wave(6, 0.3),
+        rewards: wave(6, phase),
         log_probs: vec![0.5_f32.ln(); 6],
         outcome: Status::Terminated,
         ..Episode::start(agent, 0, 0, &spec())
