@@ -1,6 +1,7 @@
 //! Training as an experiment: a team that learns in rounds.
 
 use std::convert::Infallible;
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use xxhash_rust::xxh64::Xxh64;
@@ -11,10 +12,12 @@ use super::{
 };
 use crate::record::table::TableFiles;
 use crate::record::{RecorderFactory, RecordingSettings};
+use crate::run::folder::Contents;
 use crate::run::ranks::Ranks;
 use crate::run::shared_world::{SharedWorld, runs_per_world};
+use crate::run::stopping::with_grace;
 use crate::run::summary::{FINAL_WINDOW, Summary};
-use crate::run::trainer::Trainer;
+use crate::run::trainer::{Diverged, Trainer};
 use crate::run::{self, Observer, Options, Plan, RecorderFactories, RunError, RunOutcome};
 use crate::scenario::{Scenario, Schedule};
 use crate::study::bench::{BenchReport, SolvingReport};
@@ -23,6 +26,7 @@ use crate::study::run_checkpoint::RunCheckpoint;
 use crate::study::run_result::{MeasuredRun, RunResult};
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
+use seedbed_env::input::Located;
 use seedbed_env::input::numbers::{ranged_count, ranged_number};
 
 impl Experiment for Plan {
@@ -105,16 +109,23 @@ impl Experiment for Plan {
         let new_trainer = || Trainer::from_scenario(&scenario, &self.description, 1);
         let checkpoint = own_checkpoint(self, run_seed, windows, control, 1);
         let (mut trainer, mut run) = ActiveRun::begin(new_trainer, run_seed, windows, checkpoint)?;
-        while !is_done(&trainer, stop_rule) {
-            let is_interrupted = control.is_interrupted();
-            run.update_checkpoint(&trainer, is_interrupted);
-            if is_interrupted {
-                return Ok(None);
-            }
-            let rows = trainer.advance()?.rows;
-            run.measured.add_round(&trainer, &rows);
-        }
-        Ok(Some(run.measured.finish()))
+        let measured = with_grace(control.interrupted, |cancellation| {
+            cancellation.run(|| {
+                while !is_done(&trainer, stop_rule) {
+                    let is_interrupted = control.is_interrupted();
+                    run.update_checkpoint(&trainer, is_interrupted);
+                    if is_interrupted {
+                        return Ok(None);
+                    }
+                    let round = trainer.advance();
+                    let rows = round.map_err(|diverged| located(self, diverged))?.rows;
+                    run.measured.add_round(&trainer, &rows);
+                }
+                Ok(Some(run.measured.finish()))
+            })
+        });
+        // A long round was abandoned: the checkpoint is of the round before it.
+        measured.unwrap_or(Ok(None))
     }
 
     fn runs_together(&self) -> usize {
@@ -134,7 +145,10 @@ impl Experiment for Plan {
             None
         };
         match world {
-            Some(world) => measure_in_world(self, world, stop_rule, queue, control),
+            Some(world) => with_grace(control.interrupted, |cancellation| {
+                // Of rounds that are abandoned, there are no results.
+                cancellation.run(|| measure_in_world(self, world, stop_rule, queue, control));
+            }),
             None => measure_one_by_one(self, stop_rule, queue, control),
         }
     }
@@ -155,7 +169,7 @@ impl Experiment for Plan {
             RunOutcome::Finished(summary) => RunEnding::Finished(report(&summary, options)),
             RunOutcome::Interrupted { rounds } => RunEnding::Interrupted {
                 after: pluralize(rounds as usize, "round"),
-                can_resume: true,
+                can_resume: options.folder.contents() == Contents::UnfinishedRun,
             },
             RunOutcome::Elsewhere => RunEnding::Elsewhere,
         })
@@ -206,7 +220,7 @@ fn measure_in_world(
         let trainer = world.trainer(place);
         let round = round.map(|round| run.measured.add_round(trainer, &round.rows));
         if round.is_err() || is_done(trainer, stop_rule) {
-            let failure = round.map_err(|diverged| diverged.to_string());
+            let failure = round.map_err(|diverged| located(plan, diverged).to_string());
             world.end(place);
             queue.finish(&request, failure.map(|()| run.measured.finish()));
             continue;
@@ -219,6 +233,12 @@ fn measure_in_world(
             runs[place] = Some((request, run));
         }
     }
+}
+
+/// The error of a run without a folder, with the place of the formula in the file of its task.
+fn located(plan: &Plan, diverged: Diverged) -> Diverged {
+    let file = format!("{}.ron", plan.description.spec().name);
+    diverged.located_in(Path::new(&file), &plan.environment_text)
 }
 
 /// Begins runs of `queue` in the free places of a world.
@@ -315,6 +335,7 @@ fn with_defaults_except_for_learning(mut scenario: Scenario, run_seed: u64) -> S
         scene: None,
         ..RecordingSettings::default()
     };
+    scenario.name = Located::default();
     scenario.checkpoint_every = ranged_count(1);
     scenario.checkpoint_share = ranged_number(1.0);
     scenario.seed = run_seed;
