@@ -109,6 +109,9 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
             server.address()
         );
     }
+    if let (Some(note), false) = (experiment.round_cost_note(), args.quiet) {
+        note!("note       {note}");
+    }
     let started = Instant::now();
     let mut observer = observer(args, experiment.name());
     let stop_requests = StopRequests::listen("stopping, at the latest after this round");

@@ -407,6 +407,12 @@ impl StudyFolder {
             .map_err(|reason| StoreError { path, reason })
     }
 
+    /// Whether the folder has the manifest of a study, readable or not.
+    #[must_use]
+    pub fn has_manifest(&self) -> bool {
+        self.manifest_file().exists()
+    }
+
     fn manifest_file(&self) -> PathBuf {
         self.path.join("study.json")
     }

@@ -11,7 +11,7 @@ use super::{
     measure_one_by_one,
 };
 use crate::record::table::TableFiles;
-use crate::record::{RecorderFactory, RecordingSettings};
+use crate::record::{EpisodeRow, RecorderFactory, RecordingSettings};
 use crate::run::folder::Contents;
 use crate::run::ranks::Ranks;
 use crate::run::shared_world::{SharedWorld, runs_per_world};
@@ -24,6 +24,7 @@ use crate::study::bench::{BenchReport, SolvingReport};
 use crate::study::measure::{Measure, Needs};
 use crate::study::run_checkpoint::RunCheckpoint;
 use crate::study::run_result::{MeasuredRun, RunResult};
+use crate::study::shard::COST_PER_MINUTE;
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
 use seedbed_env::input::Located;
@@ -59,6 +60,29 @@ impl Experiment for Plan {
              receives a reward; such agents are no baseline of learning"
                 .to_owned()
         })
+    }
+
+    /// Rounds of which each agent learns from the episodes of all agents have K² such pairs.
+    fn round_cost_note(&self) -> Option<String> {
+        const MIN_MINUTES: f64 = 0.5;
+        let (agents, episodes) = (f64::from(self.agents()), f64::from(self.max_episodes()));
+        let minutes = self.cost() / COST_PER_MINUTE / episodes;
+        if minutes < MIN_MINUTES {
+            return None;
+        }
+        let learns_from_all = self.learning_cost() >= agents && agents > 1.0;
+        let reason = if learns_from_all {
+            format!(
+                ": each of {agents} agents learns from the episodes of all, which are {} pairs",
+                agents * agents
+            )
+        } else {
+            String::new()
+        };
+        Some(format!(
+            "a round may take up to about {} on one core, for one episode per agent at full length{reason}",
+            duration_text(minutes)
+        ))
     }
 
     fn agents(&self) -> u32 {
@@ -366,7 +390,7 @@ pub const NO_THRESHOLD: &str = "no threshold set (`reward_threshold` or `stop: S
 fn report(summary: &Summary, options: &Options) -> RunReport {
     let last = pluralize(FINAL_WINDOW.min(summary.episodes_per_agent), "episode");
     let final_return = summary.final_return;
-    RunReport {
+    let mut report = RunReport {
         episodes_per_agent: summary.episodes_per_agent,
         env_steps: summary.env_steps,
         lines: vec![
@@ -381,6 +405,45 @@ fn report(summary: &Summary, options: &Options) -> RunReport {
             ("coverage", coverage_text(summary)),
             ("results", options.folder.path().display().to_string()),
         ],
+    };
+    let [episodes, _] = options.folder.table_files();
+    if let Some(hint) = no_signal_hint(summary, &episodes) {
+        report.lines.push(("note", hint));
+    }
+    report
+}
+
+/// Number of equal returns that are no accident.
+const MIN_EQUAL_RETURNS: usize = 20;
+
+/// What to read if all returns are the same, so that agents had nothing to learn from; `None` if they
+/// are not, or if the task is solved. `episodes`: the table of episodes
+fn no_signal_hint(summary: &Summary, episodes: &Path) -> Option<String> {
+    let mut rows = csv::Reader::from_path(episodes).ok()?.into_deserialize();
+    let first: EpisodeRow = rows.next()?.ok()?;
+    let (mut count, value) = (1_usize, first.r#return);
+    for row in rows {
+        let row: EpisodeRow = row.ok()?;
+        if row.r#return != value {
+            return None;
+        }
+        count += 1;
+    }
+    let min_count = if value == 0.0 { 2 } else { MIN_EQUAL_RETURNS };
+    let is_suspicious = count >= min_count && summary.episodes_until_solved.is_none();
+    is_suspicious.then(|| {
+        format!(
+            "all {count} returns are {value}: agents had nothing to learn from; \
+             docs/learning_problems.md says what to change"
+        )
+    })
+}
+
+fn duration_text(minutes: f64) -> String {
+    match minutes {
+        minutes if minutes < 1.5 => "a minute".to_owned(),
+        minutes if minutes < 90.0 => format!("{minutes:.0} minutes"),
+        minutes => format!("{:.0} hours", minutes / 60.0),
     }
 }
 
