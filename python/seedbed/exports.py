@@ -68,18 +68,22 @@ def parquet_file(run: Path, content: Content, summary: dict[str, Any] | None) ->
 
 
 def source_files(run: Path, content: Content) -> list[Path]:
-    """The existing files from which a table is made; for `states` also the episodes, if there are any."""
+    """The existing files from which a table is made; for `states` also the episodes, if there are any.
+
+    All tables of a run that was recorded from Python are made from its states, which grow before the others.
+    """
     if not run.is_dir():
         if content != "states":
             raise RunError(run, f"a recording without its folder has no {TABLES[content]}")
         return [run]
-    if content != "states":
+    states = sorted((run / STATES_FOLDER).glob("*.states"))
+    if content != "states" and not states:
         table = run / TABLES[content]
         if not table.is_file():
             raise RunError(table, f"there is no such file, from which {content} are read")
         return [table]
     recordings = [run / name for name in RECORDINGS if (run / name).is_file()]
-    recordings += sorted((run / STATES_FOLDER).glob("*.states"))
+    recordings += states
     if not recordings:
         raise RunError(run / RECORDINGS[0], "there is no such file, from which states are read")
     return recordings + [table for name in TABLES.values() if (table := run / name).is_file()]

@@ -120,10 +120,7 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Name of the scenario and the run seed.
-
-        While the run is in progress, the name is that of the folder above, as in `seedbed runs`.
-        """
+        """Name of the scenario and the run seed."""
         if not self._is_folder:
             return self.path.name
         row = self.info

@@ -12,6 +12,7 @@ from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pandas
 import polars
@@ -159,8 +160,7 @@ def test_a_run_in_progress_is_read_as_far_as_it_is_written(run_copy: Path):
     table = (run_copy / "episodes.csv").read_text().splitlines(keepends=True)
     (run_copy / "episodes.csv").write_text("".join(table[:101]) + table[101][:7])
     run = seedbed.load(run_copy)
-    # Until the summary is written, the name of a scenario is that of the folder above.
-    assert (run.state, run.name, run.agents) == ("unfinished", f"{run_copy.parent.name}, run seed 0", 4)
+    assert (run.state, run.name, run.agents) == ("unfinished", "cartpole, run seed 0", 4)
     assert 0 < len(run.states) < states
     assert len(run.episodes) == 100, "an incomplete line is not read"
     with pytest.raises(seedbed.RunError, match=r"summary\.json: there is no such file: the run is in progress"):
@@ -262,6 +262,78 @@ def test_another_program_reads_again(run_copy: Path, tmp_path: Path, monkeypatch
     changed = shutil.copy(program, tmp_path / "changed")
     monkeypatch.setenv("SEEDBED_PROGRAM", str(changed))
     assert run.parquet("episodes") != first
+
+
+def test_a_recorded_run_in_progress_has_all_episodes_that_are_written(tmp_path: Path):
+    """The tables of an agent that Python records are written at its end; its states are written before."""
+    folder = tmp_path / "run"
+    environment = seedbed.RecordVisitation(gymnasium.make("CartPole-v1"), folder)
+    environment.reset(seed=0)
+    counts = []
+    for _ in range(3):
+        for _ in range(400):
+            *_, terminated, truncated, _ = environment.step(environment.action_space.sample())
+            if terminated or truncated:
+                environment.reset()
+        exported = tmp_path / "episodes.csv"
+        subprocess.run([seedbed.command(), "export", folder, "--content", "episodes", "--to", exported], check=True)
+        counts.append(len(exported.read_text().splitlines()) - 1)
+        run = seedbed.load(folder)
+        assert len(run.episodes) == counts[-1] == run.states["episode"].n_unique()
+    assert 0 < counts[0] < counts[1] < counts[2]
+    environment.close()
+    assert len(seedbed.load(folder).episodes) >= counts[-1]
+
+
+def test_a_damaged_recording_does_not_block_tables(run_copy: Path):
+    path = run_copy / "run.rrd"
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    run = seedbed.load(run_copy)
+    assert len(run.episodes) == run.summary["agents"] * run.summary["episodes_per_agent"]
+    assert len(run.rounds) > 0
+    with pytest.raises(seedbed.RunError, match=r"run\.rrd: "):
+        _ = run.states
+
+
+@pytest.mark.parametrize(
+    ("environment", "file"),
+    [
+        ("mine.ron", "mine.ron"),
+        ("sub/mine.ron", "sub/mine.ron"),
+        ("../mine.ron", "../mine.ron"),
+        ("HOME/mine.ron", "mine.ron"),
+        ("mine", "envs/mine.ron"),
+        ("deep/mine", "envs/deep/mine.ron"),
+        ("mein Stab – 杆.ron", "mein Stab – 杆.ron"),
+    ],
+)
+def test_a_run_is_read_wherever_its_folder_is(tmp_path: Path, environment: str, file: str):
+    """The folder is moved and the task deleted, however the scenario named it; another has its name there."""
+    home, moved = tmp_path / "home" / "project", tmp_path / "elsewhere" / "moved run"
+    task = (home / file).resolve()
+    task.parent.mkdir(parents=True)
+    text = (REPOSITORY / "envs/cartpole.ron").read_text().replace("time_limit: 200", "time_limit: 7")
+    task.write_text(text)
+    scenario = home / "of_mine.ron"
+    scenario.parent.mkdir(parents=True, exist_ok=True)
+    name = environment.replace("HOME", str(home))
+    scenario.write_text(f'Scenario(environment: "{name}", agents: (count: 2), stop: Episodes(2))')
+    subprocess.run([seedbed.command(), "run", scenario, "--out", tmp_path / "run", "--quiet"], check=True)
+    moved.parent.mkdir()
+    shutil.move(tmp_path / "run", moved)
+    shutil.rmtree(tmp_path / "home")
+    (moved.parent / "envs").mkdir()
+    (moved.parent / "envs" / task.name).write_text(text.replace("time_limit: 7", "time_limit: 5"))
+    run = seedbed.load(moved)
+    assert run.name == "of_mine, run seed 0"
+    assert run.task.name == task.stem and run.task.time_limit == 7
+    assert run.episodes["length"].max() == 7
+    assert len(run.states) == 4 * 8
+    run.policy(0)
+    (moved / "summary.json").unlink()
+    assert seedbed.load(moved).name == "of_mine, run seed 0"
 
 
 def test_runs_without_a_part(train: Train):

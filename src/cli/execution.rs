@@ -149,7 +149,7 @@ pub(super) fn describe_run(run: &PlannedRun<'_>, message: &str) -> String {
 }
 
 pub(super) fn interruption_error(study_name: &str) -> CliError {
-    CliError::Runtime(format!(
+    CliError::Interrupted(format!(
         "interrupted; repeat the command to resume {study_name}"
     ))
 }

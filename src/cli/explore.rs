@@ -51,6 +51,7 @@ pub(super) fn explore(args: &ExploreArgs) -> Result<(), CliError> {
     let explorer = Explorer::read(&runs, max_states, &mut || counter.count())?;
     drop(counter);
     let page = explorer.page();
+    files::remove_abandoned_of(&out);
     files::replace(&out, page.as_bytes())
         .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", out.display())))?;
     say!(

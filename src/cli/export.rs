@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use super::progress::ReadCounter;
-use super::{CliError, open_run, pluralize};
+use super::{CliError, pluralize, print_warnings};
 use seedbed::export::{self, Content, ExportError, Format, tensorboard};
 use seedbed::run::review::LoadedRun;
 
@@ -54,7 +54,13 @@ enum ContentArg {
 }
 
 pub(super) fn export(args: &ExportArgs) -> Result<(), CliError> {
-    let run = open_run(&args.run)?;
+    let is_of_states = args.tensorboard.is_none() && args.content == ContentArg::States;
+    let run = if is_of_states {
+        LoadedRun::open(&args.run)?
+    } else {
+        LoadedRun::open_tables(&args.run)?
+    };
+    print_warnings(&run);
     match (&args.to, &args.tensorboard) {
         (Some(path), _) => export_file(&run, args, path),
         (None, Some(folder)) => export_events(&run, folder),

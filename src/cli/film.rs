@@ -10,7 +10,7 @@ use super::progress::{ReadCounter, episode_bar};
 use super::{CliError, open_run, pluralize};
 use seedbed::film::gif::GifWriter;
 use seedbed::film::{Film, FilmError, FilmSettings};
-use seedbed::run::files::Replacement;
+use seedbed::run::files::{self, Replacement};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -88,6 +88,7 @@ pub(super) fn write(film: &Film, settings: FilmSettings, out: &Path) -> Result<(
 }
 
 fn write_frames(film: &Film, settings: FilmSettings, out: &Path) -> io::Result<()> {
+    files::remove_abandoned_of(out);
     let replacement = Replacement::begin(out)?;
     let size = |side: f64| side.round() as u16;
     let height = film.frame(0).height();

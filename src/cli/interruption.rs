@@ -1,11 +1,17 @@
 //! Requests to stop: Ctrl-C and, on Unix, the signals TERM, USR1 and HUP, which schedulers of clusters,
 //! `mpirun` and closed terminals send.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// Whether the process was asked to stop while work listened.
 static IS_REQUESTED: AtomicBool = AtomicBool::new(false);
+
+/// Exit status of a command that Ctrl-C ends: 128 + number of the signal INT.
+const CTRL_C: u8 = 130;
+
+/// Exit status after the first request.
+static EXIT_CODE: AtomicU8 = AtomicU8::new(CTRL_C);
 
 /// What is printed when the next request comes; `None` if a request ends the process immediately.
 static MESSAGE: Mutex<Option<&'static str>> = Mutex::new(None);
@@ -54,14 +60,21 @@ fn set_message(message: Option<&'static str>) {
     *MESSAGE.lock().unwrap_or_else(PoisonError::into_inner) = message;
 }
 
-fn on_request(exit_code: i32) {
+/// Exit status of a command that was asked to stop: 128 + number of the first signal, as of a command
+/// that the signal ends at once.
+pub(super) fn exit_code() -> u8 {
+    EXIT_CODE.load(Ordering::Relaxed)
+}
+
+fn on_request(exit_code: u8) {
     let message = MESSAGE
         .lock()
         .unwrap_or_else(PoisonError::into_inner)
         .take();
     let Some(message) = message else {
-        std::process::exit(exit_code);
+        std::process::exit(exit_code.into());
     };
+    EXIT_CODE.store(exit_code, Ordering::Relaxed);
     IS_REQUESTED.store(true, Ordering::Relaxed);
     if !message.is_empty() {
         note!("\n{message}; press Ctrl-C again to stop immediately");
@@ -83,7 +96,7 @@ fn handle_signals() -> std::io::Result<()> {
         .name("signals".to_owned())
         .spawn(move || {
             for signal in signals.forever() {
-                on_request(128 + signal);
+                on_request(128 + signal as u8);
             }
         })
         .map(drop)
@@ -101,6 +114,5 @@ fn is_ignored(signal: i32) -> bool {
 
 #[cfg(not(unix))]
 fn handle_signals() -> Result<(), ctrlc::Error> {
-    const EXIT_CODE: i32 = 130;
-    ctrlc::set_handler(|| on_request(EXIT_CODE))
+    ctrlc::set_handler(|| on_request(CTRL_C))
 }

@@ -64,9 +64,9 @@ fn print_overview() {
         |path, name, width| match input_files::read_task(path) {
             Ok((description, _)) => {
                 let spec = description.spec();
-                print_line(&spec.name, width, first_sentence(&spec.description));
+                print_line(name, width, first_sentence(&spec.description));
             }
-            Err(error) => say!("  {name}\n      invalid: {error}"),
+            Err(error) => say!("  {}\n      invalid: {error}", path.display()),
         },
     );
     print_scenarios();
@@ -111,14 +111,15 @@ fn print_markdown(only_kind: Option<ListKind>) -> Result<(), CliError> {
 fn print_environments() {
     print_files("Environments", Directory::Environments, |path, name, _| {
         match input_files::read_task(path) {
-            Ok((description, _)) => print_environment(description.spec()),
-            Err(error) => say!("  {name}\n      invalid: {error}"),
+            Ok((description, _)) => print_environment(name, description.spec()),
+            Err(error) => say!("  {}\n      invalid: {error}", path.display()),
         }
     });
 }
 
-fn print_environment(spec: &seedbed_env::TaskSpec) {
-    say!("  {}\n      {}", spec.name, spec.description);
+/// `name`: what a scenario calls the environment
+fn print_environment(name: &str, spec: &seedbed_env::TaskSpec) {
+    say!("  {name}\n      {}", spec.description);
     let lists_all = spec.observation_width() < MAX_NAMED_OBSERVATIONS;
     let listed_observations = &spec.observations[..if lists_all {
         spec.observation_width()
@@ -235,7 +236,7 @@ fn groups(directory: Directory) -> Vec<Group> {
             place: folder.join("").display().to_string(),
             files: paths
                 .into_iter()
-                .map(|path| (path.display().to_string(), path))
+                .map(|path| (shown_name(directory, &folder, &path), path))
                 .collect(),
         });
     }
@@ -251,6 +252,16 @@ fn groups(directory: Directory) -> Vec<Group> {
         });
     }
     groups
+}
+
+/// What a file on the disk is called: a scenario by its path, for a command; an environment by its name,
+/// for a scenario.
+fn shown_name(directory: Directory, folder: &Path, path: &Path) -> String {
+    let name = match directory {
+        Directory::Environments => name_in(folder, path),
+        Directory::Scenarios => None,
+    };
+    name.unwrap_or_else(|| path.display().to_string())
 }
 
 /// The name of a file in a folder: its path below the folder, without `.ron`, with `/`.

@@ -1,6 +1,7 @@
 //! The command line: parses arguments, calls the library, prints results, and sets the exit status.
 //!
-//! Exit status: 0 success, 1 failure or interruption, 2 invalid input. Rules of training must not
+//! Exit status: 0 success, 1 failure, 2 invalid input, 128 + number of the signal for an
+//! interruption. Rules of training must not
 //! be implemented here.
 
 /// Prints a line to the standard output. If the reader has closed the pipe (e.g. `head`), ends the
@@ -81,7 +82,7 @@ use seedbed_env::input::InputError;
 To open a recording: rerun recordings/cartpole/seed-0/run.rrd
 (Rerun viewer: pip install rerun-sdk==0.36.3)
 
-Exit status: 0 success, 1 failure or interruption, 2 invalid input.")]
+Exit status: 0 success; 1 failure; 2 invalid input; 130 (Ctrl-C), 143 (TERM) or 128 + number of another signal: interruption.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -594,7 +595,8 @@ impl CliError {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) | Self::InvalidFiles(_) => 2,
-            Self::Runtime(_) | Self::Interrupted(_) => 1,
+            Self::Runtime(_) => 1,
+            Self::Interrupted(_) => interruption::exit_code(),
         }
     }
 }
@@ -608,10 +610,15 @@ impl From<LoadRunError> for CliError {
 /// Opens a run, and prints what is incomplete in its files.
 fn open_run(path: &Path) -> Result<LoadedRun, CliError> {
     let run = LoadedRun::open(path)?;
+    print_warnings(&run);
+    Ok(run)
+}
+
+/// Prints what is incomplete in the files of a run.
+fn print_warnings(run: &LoadedRun) {
     for warning in &run.warnings {
         note!("warning: {warning}");
     }
-    Ok(run)
 }
 
 /// Warning that nothing keeps two processes from writing to `folder`.

@@ -1,7 +1,7 @@
 //! `seedbed report`: writes the report of a study.
 
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{CliError, ReportArgs};
 use seedbed::study::claims::{self, ClaimResult};
@@ -129,11 +129,61 @@ pub(super) fn all_claims_are_decided(folder: &StudyFolder) -> Result<bool, CliEr
 
 pub(super) fn read(folder: &StudyFolder) -> Result<Results, CliError> {
     Results::read(folder).map_err(|error| match error {
+        ResultsError::Folder(_) if !folder.has_manifest() => CliError::Usage(no_study(folder)),
         ResultsError::Folder(_)
         | ResultsError::Study(_)
         | ResultsError::Run { .. }
         | ResultsError::Table { .. } => CliError::Usage(error.to_string()),
     })
+}
+
+/// The error that a folder is no study, with the folders that may be meant: those in it, and those with
+/// the id of a lock after its name.
+fn no_study(folder: &StudyFolder) -> String {
+    const MAX_NAMED: usize = 4;
+    let path = folder.path();
+    let prefix = path.file_name().unwrap_or_default().to_string_lossy();
+    let prefix = format!("{prefix}-");
+    let parent = path.parent().filter(|parent| *parent != Path::new(""));
+    let mut studies = studies_in(parent.unwrap_or(Path::new(".")));
+    studies.retain(|study| {
+        let name = study.file_name().unwrap_or_default().to_string_lossy();
+        name.starts_with(&prefix)
+    });
+    studies.extend(studies_in(path));
+    let reason = if path.is_dir() {
+        "contains no study: expected study.json in it"
+    } else {
+        "no such directory"
+    };
+    let named: Vec<String> = studies
+        .iter()
+        .take(MAX_NAMED)
+        .map(|study| format!("`{}`", study.display()))
+        .collect();
+    let more = if studies.len() > MAX_NAMED {
+        " or others"
+    } else {
+        ""
+    };
+    let help = if named.is_empty() {
+        String::new()
+    } else {
+        format!("; did you mean {}{more}?", named.join(" or "))
+    };
+    format!("{}: {reason}{help}", path.display())
+}
+
+/// The folders of studies in a folder, sorted.
+fn studies_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let paths = entries.map(|entry| entry.path());
+    let mut studies: Vec<PathBuf> = paths
+        .filter(|path| StudyFolder::new(path).has_manifest())
+        .map(|path| path.strip_prefix(".").map_or(path.clone(), Path::to_owned))
+        .collect();
+    studies.sort();
+    studies
 }
 
 fn print_registration(results: &Results) {

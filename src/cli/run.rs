@@ -109,6 +109,9 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
             server.address()
         );
     }
+    if let (Some(note), false) = (experiment.round_cost_note(), args.quiet) {
+        note!("note       {note}");
+    }
     let started = Instant::now();
     let mut observer = observer(args, experiment.name());
     let stop_requests = StopRequests::listen("stopping, at the latest after this round");
@@ -227,7 +230,8 @@ fn interruption_error(
 }
 
 /// The error. If the recording of the run to resume is lost or damaged, the message includes the
-/// command that continues without it. If a file could not be written and the run has a checkpoint,
+/// command that continues without it. If a number is not finite, it includes the command that shows the
+/// agents before. If a file could not be written and the run has a checkpoint,
 /// the message includes the command that resumes from it.
 fn with_resume_hint(error: RunError, args: &RunArgs, folder: &RunFolder) -> CliError {
     let is_write_error = matches!(
@@ -239,7 +243,17 @@ fn with_resume_hint(error: RunError, args: &RunArgs, folder: &RunFolder) -> CliE
         RunError::Record(record) if record.attempt == Attempt::Resume
             && record.path == folder.unfinished_recording_file()
     );
+    let is_diverged = matches!(error, RunError::Diverged(_));
     match CliError::from(error) {
+        CliError::Runtime(message)
+            if is_diverged && folder.contents() == Contents::UnfinishedRun =>
+        {
+            let path = folder.path().to_string_lossy();
+            CliError::Runtime(format!(
+                "{message}\nthe state after the round before is kept; look at it with\n  seedbed replay {}",
+                shell_word(&path)
+            ))
+        }
         CliError::Runtime(message) if is_recording_lost => CliError::Runtime(format!(
             "{message}\nthe checkpoint is intact; continue the run without its recording with\n  {}",
             command_without_recording()

@@ -162,7 +162,7 @@ fn repeat<'a>(
     });
     drop(progress);
     if stop.load(Ordering::Relaxed) {
-        return Err(CliError::Runtime(
+        return Err(CliError::Interrupted(
             "interrupted; stored results are unchanged".to_owned(),
         ));
     }

@@ -19,7 +19,7 @@ use self::table::Table;
 use crate::record::state_files::StateFiles;
 use crate::record::table::TableError;
 use crate::record::{ReadError, RecordError};
-use crate::run::files::Replacement;
+use crate::run::files::{self, Replacement};
 use crate::run::review::LoadedRun;
 
 /// What is exported.
@@ -124,6 +124,7 @@ pub fn export(
         path: path.to_owned(),
         error,
     };
+    files::remove_abandoned_of(path);
     let replacement = Replacement::begin(path).map_err(write_error)?;
     let file = replacement.file().map_err(write_error)?;
     let mut writer = format.writer(BufWriter::new(file));

@@ -8,6 +8,7 @@ use super::episode_slots::EpisodeSlots;
 use super::rollout::PlayedEpisodes;
 use crate::record::SceneSettings;
 use seedbed_env::Environment;
+use seedbed_learn::cancellation::cancellation_point;
 use seedbed_learn::team::Team;
 
 /// The state of an asynchronous rollout between two calls of [`AsyncRollout::play`].
@@ -59,6 +60,7 @@ impl AsyncRollout {
     ) -> PlayedEpisodes {
         let mut ended = PlayedEpisodes::default();
         while ended.episodes.is_empty() && self.has_episodes_left(config) {
+            cancellation_point();
             self.begin_episodes(environment, config);
             if self.slots.any_playing() {
                 self.slots.step(environment, team, 0);

@@ -34,6 +34,15 @@ pub struct Checkpoint {
 pub struct CheckpointWriter {
     folder: PathBuf,
     replay_file: ReplayFile,
+    /// Number of rounds in the newest checkpoint.
+    newest_rounds: u32,
+}
+
+/// The state of a trainer that has not become a checkpoint yet.
+pub(super) struct SavedTrainer {
+    rounds: u32,
+    trainer: Vec<u8>,
+    replay: Option<StoredTransitions>,
 }
 
 /// A checkpoint could not be written or read.
@@ -58,7 +67,13 @@ impl CheckpointWriter {
         Self {
             folder: folder.to_owned(),
             replay_file: ReplayFile::new(checkpoint_folder(folder)),
+            newest_rounds: 0,
         }
+    }
+
+    /// Number of rounds in the newest checkpoint; 0 without one.
+    pub(super) fn newest_rounds(&self) -> u32 {
+        self.newest_rounds
     }
 
     /// Replaces the checkpoint in the run's folder. `recorders` are the states and files of the
@@ -66,22 +81,47 @@ impl CheckpointWriter {
     ///
     /// # Errors
     /// A file cannot be written; then the old checkpoint is kept.
-    ///
-    /// # Panics
-    /// Never: bytes always serialize.
     pub(super) fn write(
         &mut self,
         trainer: &Trainer,
         recorders: RecorderStates,
     ) -> Result<(), CheckpointError> {
+        let saved = self.save(trainer)?;
+        self.commit(saved, recorders)
+    }
+
+    /// The state of a trainer, to which the run can go back. Its replay buffer is stored already.
+    ///
+    /// # Errors
+    /// The replay buffer cannot be stored.
+    pub(super) fn save(&mut self, trainer: &Trainer) -> Result<SavedTrainer, CheckpointError> {
         let replay = trainer.replay();
-        let checkpoint = Checkpoint {
+        Ok(SavedTrainer {
+            rounds: trainer.rounds(),
             trainer: trainer.save(),
-            recorders: recorders.states,
-            files: recorders.files.iter().map(name_and_beginning).collect(),
             replay: replay
                 .map(|replay| self.replay_file.write(replay))
                 .transpose()?,
+        })
+    }
+
+    /// Like [`write`](Self::write), for a state that was saved before.
+    ///
+    /// # Errors
+    /// See [`write`](Self::write).
+    ///
+    /// # Panics
+    /// Never: bytes always serialize.
+    pub(super) fn commit(
+        &mut self,
+        saved: SavedTrainer,
+        recorders: RecorderStates,
+    ) -> Result<(), CheckpointError> {
+        let checkpoint = Checkpoint {
+            trainer: saved.trainer,
+            recorders: recorders.states,
+            files: recorders.files.iter().map(name_and_beginning).collect(),
+            replay: saved.replay,
         };
         let path = file(&self.folder);
         let contents = postcard::to_stdvec(&checkpoint).expect("bytes always serialize");
@@ -92,11 +132,13 @@ impl CheckpointWriter {
         };
         let written = kept.and_then(|()| files::replace(&path, &sealed::seal(FORMAT, &contents)));
         // Only now does no checkpoint need earlier replay files.
-        let written = written.and_then(|()| self.replay_file.delete_other_files());
+        let written = written.and_then(|()| self.replay_file.committed(saved.replay));
         written.map_err(|error| CheckpointError {
             path,
             reason: error.to_string(),
-        })
+        })?;
+        self.newest_rounds = saved.rounds;
+        Ok(())
     }
 }
 
@@ -187,6 +229,7 @@ impl Checkpoint {
         Ok(CheckpointWriter {
             folder: folder.to_owned(),
             replay_file,
+            newest_rounds: trainer.rounds(),
         })
     }
 }
@@ -237,6 +280,11 @@ pub fn remove(folder: &Path) -> std::io::Result<()> {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
         _ => Ok(()),
     }
+}
+
+/// Removes the checkpoints that processes did not complete because they were killed.
+pub(super) fn remove_abandoned(folder: &Path) {
+    files::remove_abandoned(&checkpoint_folder(folder), |_| true);
 }
 
 /// The path of the checkpoint before the newest.

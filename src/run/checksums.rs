@@ -180,14 +180,32 @@ impl Checksums {
     /// Checks the scenario and the copies of tasks.
     ///
     /// # Errors
-    /// One of them was changed or is damaged.
+    /// One of them is missing, was changed or is damaged.
     pub fn verify_scenario(&self) -> Result<(), DamagedFile> {
         let folder = RunFolder::new(&self.folder);
         self.verify_listed(&folder.scenario_file())?;
-        folder
-            .task_files()
-            .iter()
-            .try_for_each(|path| self.verify_listed(path).map(drop))
+        let names = self.sums.iter().flat_map(BTreeMap::keys);
+        names
+            .map(|name| self.folder.join(name))
+            .filter(|path| folder.is_task_file(path))
+            .try_for_each(|path| self.verify_listed(&path).map(drop))
+    }
+
+    /// Checks that a file exists if it is listed.
+    ///
+    /// # Errors
+    /// It is missing.
+    pub fn check_presence(&self, path: &Path) -> Result<(), DamagedFile> {
+        let sums = self.sums.as_ref();
+        let is_listed = sums.is_some_and(|sums| sums.contains_key(&name_in(&self.folder, path)));
+        if !is_listed || path.is_file() {
+            return Ok(());
+        }
+        let list = self.folder.join(FILE_NAME);
+        Err(DamagedFile {
+            path: path.to_owned(),
+            reason: format!("no such file, although {} lists it", list.display()),
+        })
     }
 
     fn changed_reason(&self) -> String {

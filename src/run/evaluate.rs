@@ -2,7 +2,6 @@
 //! actions.
 
 use super::checkpoint::Checkpoint;
-use super::checksums::DamagedFile;
 use super::folder::RunFolder;
 use super::rollout::{PlayedEpisodes, RoundPlan};
 use super::summary::Summary;
@@ -50,7 +49,10 @@ pub(super) fn load_trained(
     action_selection: Option<ActionSelection>,
 ) -> Result<(Plan, Trainer), RunError> {
     let mut plan = Plan::of_run(folder)?;
-    plan.name = scenario_name(folder)?.unwrap_or(plan.name);
+    if let Some(summary) = Summary::read(folder)? {
+        // The scenario in folders of earlier versions has no name.
+        plan.name = summary.scenario;
+    }
     if let Some(action_selection) = action_selection {
         plan.scenario.algorithm = plan
             .scenario
@@ -63,12 +65,6 @@ pub(super) fn load_trained(
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1)?;
     Checkpoint::read(folder.path())?.restore_to_act(folder.path(), &mut trainer)?;
     Ok((plan, trainer))
-}
-
-/// The scenario's name, from the summary. The file name does not show it: the scenario in the
-/// folder is always named `scenario.ron`. `None` if the run is not finished.
-fn scenario_name(folder: &RunFolder) -> Result<Option<String>, DamagedFile> {
-    Ok(Summary::read(folder)?.map(|summary| summary.scenario))
 }
 
 /// Plays episode `number` of every agent. The random streams are those of a round number that

@@ -138,23 +138,69 @@ pub fn sync_folder_of(path: &Path) -> Result<()> {
 }
 
 /// End of the name of a file that is not complete yet.
-pub(crate) const PART_SUFFIX: &str = ".part";
+const PART_SUFFIX: &str = ".part";
+
+/// Number of random characters in the name of a temporary file.
+const RANDOM_CHARACTERS: usize = 6;
 
 /// An empty file in the same folder, which is created if necessary. It has the permissions of any new
 /// file, and is deleted unless it is renamed.
 fn temporary_file_beside(path: &Path) -> Result<NamedTempFile> {
-    let folder = path
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty());
-    let folder = folder.unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     fs::create_dir_all(folder)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let prefix = format!("{name}.");
     let mut builder = tempfile::Builder::new();
     builder.prefix(&prefix).suffix(PART_SUFFIX);
+    builder.rand_bytes(RANDOM_CHARACTERS);
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
+    loop {
+        let file = builder.tempfile_in(folder)?;
+        // Without locks, no file is taken for abandoned. One may be, between these two lines.
+        let _ = file.as_file().lock();
+        if file.path().exists() {
+            return Ok(file);
+        }
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
+}
+
+/// Removes the new contents of files that their processes did not complete because they were killed.
+/// `is_own`: whether a file with this name may be written by such processes. What cannot be removed does
+/// no harm.
+pub fn remove_abandoned(folder: &Path, is_own: impl Fn(&str) -> bool) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        if target_of(&name.to_string_lossy()).is_some_and(&is_own) {
+            let path = entry.path();
+            let file = File::options().write(true).open(&path);
+            if file.is_ok_and(|file| file.try_lock().is_ok()) {
+                let _ = fs::remove_file(path);
+            }
+        }
+    }
+}
+
+/// Like [`remove_abandoned`], of new contents of the file at `path` only.
+pub fn remove_abandoned_of(path: &Path) {
+    if let Some(name) = path.file_name() {
+        remove_abandoned(folder_of(path), |target| name == target);
+    }
+}
+
+/// Name of the file that a temporary file is to replace; `None` if it is another file.
+fn target_of(name: &str) -> Option<&str> {
+    let (target, random) = name.strip_suffix(PART_SUFFIX)?.rsplit_once('.')?;
+    let is_random = random.len() == RANDOM_CHARACTERS
+        && random.bytes().all(|byte| byte.is_ascii_alphanumeric());
+    is_random.then_some(target)
 }
 
 #[cfg(test)]
@@ -225,6 +271,32 @@ mod tests {
         let bytes = fs::read(&path).unwrap();
         assert_eq!(bytes, [bytes[0]; 4096]);
         assert_eq!(names_in(path.parent().unwrap()), ["study.json"]);
+    }
+
+    /// What a killed process leaves is not locked.
+    #[test]
+    fn abandoned_contents_are_removed_and_others_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.csv");
+        let abandoned = temporary_file_beside(&path).unwrap();
+        let (file, abandoned) = abandoned.keep().unwrap();
+        drop(file);
+        let of_other = temporary_file_beside(&folder.path().join("other.csv")).unwrap();
+        let kept = of_other.path().to_owned();
+        let in_progress = Replacement::begin(&path).unwrap();
+        for name in [
+            "run.rrd.part",
+            "table.csv.part",
+            "table.csv.123456",
+            "notes",
+        ] {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        remove_abandoned_of(&path);
+        assert!(!abandoned.exists() && kept.exists());
+        assert_eq!(names_in(folder.path()).len(), 6);
+        in_progress.commit().unwrap();
+        assert!(path.is_file());
     }
 
     #[test]

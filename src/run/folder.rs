@@ -5,10 +5,14 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::checksums::Checksums;
 use super::file_lock::FileLock;
 use super::files::{cannot_remove, ignore_not_found};
 use super::{checkpoint, checksums, files, overview};
+use crate::input_files;
 use crate::record::state_files::StateFiles;
+use crate::scenario::{self, Scenario};
+use seedbed_env::input::{self, Document, InputError};
 
 /// The directory of one run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,6 +40,19 @@ impl RunFolder {
     #[must_use]
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into() }
+    }
+
+    /// The directory of the run whose scenario is at `path`; `None` if it is not that of a run.
+    fn of_scenario(path: &Path) -> Option<Self> {
+        let folder = Self::new(path.parent()?);
+        let is_named_so = !input_files::is_builtin(path) && folder.scenario_file() == path;
+        let is_of_run = is_named_so
+            && (folder.checksums_file().is_file()
+                || matches!(
+                    folder.contents(),
+                    Contents::FinishedRun | Contents::UnfinishedRun
+                ));
+        is_of_run.then_some(folder)
     }
 
     /// What the directory contains now.
@@ -74,13 +91,23 @@ impl RunFolder {
         !StateFiles::paths_in(&self.path).is_empty()
     }
 
-    /// Locks the directory, and creates it if necessary. `None` if another process has locked it.
+    /// Locks the directory, and creates it if necessary. Removes what processes that were killed did not
+    /// complete. `None` if another process has locked it.
     ///
     /// # Errors
     /// The operating system reports an error.
     pub fn lock(&self) -> io::Result<Option<FileLock>> {
         fs::create_dir_all(&self.path)?;
-        FileLock::acquire(&self.lock_file(), true)
+        let lock = FileLock::acquire(&self.lock_file(), true)?;
+        if lock.is_some() {
+            let mut own = self.result_files();
+            own.extend([self.summary_file(), self.checksums_file()]);
+            let is_own = |name: &str| own.contains(&self.path.join(name));
+            files::remove_abandoned(&self.path, is_own);
+            files::remove_abandoned(&self.tasks_folder(), |name| name.ends_with(".ron"));
+            checkpoint::remove_abandoned(&self.path);
+        }
+        Ok(lock)
     }
 
     /// Removes the files of a run, and no other files. The checkpoint is removed first: if this is
@@ -187,8 +214,7 @@ impl RunFolder {
         self.path.join("visits.csv")
     }
 
-    /// Path of the scenario with all defaults, which refers to the copy of the task in this
-    /// directory.
+    /// Path of the scenario with all defaults, which names the copy of the task in this directory.
     #[must_use]
     pub fn scenario_file(&self) -> PathBuf {
         self.path.join("scenario.ron")
@@ -201,6 +227,12 @@ impl RunFolder {
         let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
         paths.sort();
         paths
+    }
+
+    /// Whether a path is that of a copy of a task.
+    #[must_use]
+    pub fn is_task_file(&self, path: &Path) -> bool {
+        path.parent() == Some(&self.tasks_folder())
     }
 
     /// Path of the copy of the task `name`.
@@ -246,6 +278,32 @@ impl RunFolder {
     fn lock_file(&self) -> PathBuf {
         self.path.join(".lock")
     }
+}
+
+/// Reads a scenario. That of a run names the copy of the task in the folder of the run, however it was
+/// named when the run began: names and paths may mean another task, or none, where the folder is now.
+///
+/// # Errors
+/// The file cannot be read, is no scenario, or belongs to a run that has lost the copy of its task.
+pub fn read_scenario(path: &Path) -> Result<Document<Scenario>, InputError> {
+    parse_scenario(path, input_files::read_text(path)?)
+}
+
+/// Like [`read_scenario`], for a text that was read from `path`.
+///
+/// # Errors
+/// See [`read_scenario`].
+pub fn parse_scenario(path: &Path, text: String) -> Result<Document<Scenario>, InputError> {
+    let mut document: Document<Scenario> = input::parse(&path.display().to_string(), text)?;
+    if let Some(folder) = RunFolder::of_scenario(path) {
+        let task = scenario::task_name(&document.value.environment).to_owned();
+        if folder.task_file(&task).is_file() {
+            document.value.environment = scenario::environment_in_folder(&task).into();
+        } else {
+            Checksums::read(&folder)?.check_presence(&folder.task_file(&task))?;
+        }
+    }
+    Ok(document)
 }
 
 /// The directory of the run at `path`: a run directory, a file in it, or a directory with a single

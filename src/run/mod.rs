@@ -33,6 +33,7 @@ mod round_recorder;
 pub(crate) mod sealed;
 mod shared_episodes;
 pub mod shared_world;
+pub(crate) mod stopping;
 pub mod summary;
 pub mod trainer;
 pub mod weights;
@@ -41,23 +42,25 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use self::checkpoint::{Checkpoint, CheckpointError, CheckpointWriter};
+use self::checkpoint::{Checkpoint, CheckpointError, CheckpointWriter, SavedTrainer};
 use self::checkpoint_schedule::CheckpointSchedule;
 use self::checksums::{Checksums, DamagedFile, NewChecksums};
 use self::folder::RunFolder;
 use self::ranks::Ranks;
 use self::round_recorder::{CheckpointKind, Recorders, RoundRecorder};
+use self::stopping::RoundDurations;
 use self::summary::{FINAL_WINDOW, Summary};
 use self::trainer::{Diverged, Trainer};
 use serde::{Deserialize, Serialize};
 
 use crate::input_files;
 use crate::record::{Focus, RecordError, RecorderFactory, RunInfo};
-use crate::scenario::{self, Scenario};
+use crate::scenario::{self, Scenario, overrides};
 use crate::text::file_stem;
 use seedbed_env::TaskDescription;
 use seedbed_env::input::{self, Document, InputError};
 use seedbed_learn::agent::Tensor;
+use seedbed_learn::cancellation::Cancellation;
 
 /// A scenario and its task, read and checked: all that determines the results of a run.
 #[derive(Clone, Debug)]
@@ -132,9 +135,9 @@ pub struct Progress {
 pub enum RunOutcome {
     /// The scenario's `stop` was reached.
     Finished(Box<Summary>),
-    /// The user interrupted the run, which can be resumed.
+    /// The user interrupted the run, which can be resumed from its checkpoint.
     Interrupted {
-        /// Number of finished rounds.
+        /// Number of finished rounds in the checkpoint; 0 if there may be none.
         rounds: u32,
     },
     /// The run ended; rank 0 knows how.
@@ -178,7 +181,8 @@ impl Plan {
     /// # Errors
     /// A mistake in either file, with its location.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
-        Self::from_document(scenario::load(path, overrides)?, path)
+        let document = overrides::apply_all(folder::read_scenario(path)?, overrides)?;
+        Self::from_document(document, path)
     }
 
     /// Reads the plan of the run in a folder.
@@ -190,6 +194,13 @@ impl Plan {
         Self::load(&folder.scenario_file(), &[])
     }
 
+    /// Text of the scenario in the folder of a run, which names the copy of the task in this folder.
+    #[must_use]
+    pub fn stored_scenario(&self) -> String {
+        let task = &self.description.spec().name;
+        self.scenario.beside_its_task(&self.name, task).resolved()
+    }
+
     /// Checks the scenario that was read from `path`, and reads its task.
     ///
     /// # Errors
@@ -198,8 +209,13 @@ impl Plan {
         let environment = scenario::environment_path(&document, path)?;
         let (description, environment_text) = input_files::read_task(&environment)?;
         check(&document, &description)?;
+        let name = document.value.name.as_str();
         Ok(Self {
-            name: file_stem(path, "run"),
+            name: if name.is_empty() {
+                file_stem(path, "run")
+            } else {
+                name.to_owned()
+            },
             environment_text,
             scenario: document.value,
             description,
@@ -220,7 +236,9 @@ fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result
     seedbed_env::build(description, scenario.physics, 1).map(|_| ())
 }
 
-/// Trains until the scenario's `stop` is reached or `interrupted` is set. `recorder_factories` make
+/// Trains until the scenario's `stop` is reached or `interrupted` is set. After an interruption, the
+/// checkpoint has the last whole round: that which is being played, if it ends within a second, otherwise
+/// that before it. If a number is not finite, it has the round before. `recorder_factories` make
 /// the recorders. A resumed run continues with the recorders with which it began; further factories
 /// are ignored. If a recorder has no factory, the run goes on without it, and what it
 /// recorded is kept in another file.
@@ -241,13 +259,83 @@ pub fn execute(
     if !options.ranks.is_first() {
         return follow(plan, options, interrupted);
     }
-    let begun = begin(plan, options, recorder_factories, observer);
+    if !options.ranks.is_single() {
+        // A rank that abandons its round would let the others wait.
+        let never = Cancellation::default();
+        return lead(
+            plan,
+            options,
+            recorder_factories,
+            observer,
+            interrupted,
+            &never,
+        );
+    }
+    stopping::with_grace(interrupted, |cancellation| {
+        lead(
+            plan,
+            options,
+            recorder_factories,
+            observer,
+            interrupted,
+            cancellation,
+        )
+    })
+}
+
+/// What rank 0 does, or the only process. `cancellation` ends a round that lasts long after the
+/// interruption.
+fn lead(
+    plan: &Plan,
+    options: &Options,
+    recorder_factories: RecorderFactories,
+    observer: &mut dyn Observer,
+    interrupted: &AtomicBool,
+    cancellation: &Cancellation,
+) -> Result<RunOutcome, RunError> {
+    let begin = || begin(plan, options, recorder_factories, observer);
+    let Some(begun) = cancellation.run(begin) else {
+        return Ok(RunOutcome::Interrupted { rounds: 0 });
+    };
     let (mut trainer, recorders, mut checkpoints) = options.ranks.agree(begun)?;
     let mut recorder = RoundRecorder::new(recorders, trainer.agent_count(), options.threads);
     let mut checkpoint_schedule = CheckpointSchedule::of(&plan.scenario);
+    let mut durations = RoundDurations::new();
+    let task_file = options.folder.task_file(&plan.description.spec().name);
+    let located = |diverged: Diverged| {
+        diverged
+            .located_in(&task_file, &plan.environment_text)
+            .into()
+    };
     observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
-        let round = trainer.advance()?;
+        let (before, start) = (trainer.rounds(), Instant::now());
+        let saved = if durations.may_be_long() && options.ranks.is_single() {
+            Some(checkpoints.save(&trainer)?)
+        } else {
+            None
+        };
+        let Some(advanced) = cancellation.run(|| trainer.advance()) else {
+            let rounds = keep_round_before(saved, before, &mut checkpoints, &mut recorder)?;
+            return Ok(RunOutcome::Interrupted { rounds });
+        };
+        let round = match advanced {
+            Ok(round) => round,
+            Err(diverged) if options.ranks.is_single() => {
+                drop(trainer);
+                let kept = keep_rounds(
+                    plan,
+                    options,
+                    before,
+                    saved,
+                    &mut checkpoints,
+                    &mut recorder,
+                );
+                return Err(kept.err().unwrap_or_else(|| located(diverged)));
+            }
+            Err(diverged) => return Err(located(diverged)),
+        };
+        durations.ended(start);
         recorder.record(trainer.rounds() - 1, &trainer.newest_episodes(), round)?;
         report_warnings(&mut recorder, observer);
         observer.round_finished(&progress(plan, &trainer));
@@ -285,6 +373,45 @@ pub fn execute(
     let ending = checkpoint.and_then(|()| finish(plan, options, &trainer, &mut recorder));
     report_warnings(&mut recorder, observer);
     ending
+}
+
+/// Writes the checkpoint of the state before a round that is abandoned, if it was saved. Returns the
+/// number of rounds in the newest checkpoint.
+fn keep_round_before(
+    saved: Option<SavedTrainer>,
+    rounds: u32,
+    checkpoints: &mut CheckpointWriter,
+    recorder: &mut RoundRecorder,
+) -> Result<u32, RunError> {
+    let Some(saved) = saved else {
+        return Ok(checkpoints.newest_rounds());
+    };
+    checkpoints.commit(saved, recorder.checkpoint(CheckpointKind::AtEnd)?)?;
+    Ok(rounds)
+}
+
+/// Writes the checkpoint of the state before a round that failed. If it was not saved, the rounds since
+/// the newest checkpoint are repeated, which gives the same bits.
+fn keep_rounds(
+    plan: &Plan,
+    options: &Options,
+    rounds: u32,
+    saved: Option<SavedTrainer>,
+    checkpoints: &mut CheckpointWriter,
+    recorder: &mut RoundRecorder,
+) -> Result<(), RunError> {
+    if saved.is_some() || checkpoints.newest_rounds() == rounds {
+        return keep_round_before(saved, rounds, checkpoints, recorder).map(drop);
+    }
+    let mut trainer = build_trainer(plan, options)?;
+    if checkpoints.newest_rounds() > 0 {
+        let folder = options.folder.path();
+        *checkpoints = Checkpoint::read(folder)?.restore(folder, &mut trainer)?;
+    }
+    while trainer.rounds() < rounds {
+        trainer.advance()?;
+    }
+    write_checkpoint(checkpoints, &trainer, recorder, CheckpointKind::AtEnd)
 }
 
 /// What rank 0 decides after a round.
@@ -436,7 +563,7 @@ fn write_scenario(plan: &Plan, folder: &RunFolder) -> Result<(), RunError> {
         path: checksums.clone(),
         error,
     })?;
-    let scenario = (folder.scenario_file(), plan.scenario.resolved());
+    let scenario = (folder.scenario_file(), plan.stored_scenario());
     let task_file = folder.task_file(&plan.description.spec().name);
     let mut sums = NewChecksums::default();
     for (path, text) in [scenario, (task_file, plan.environment_text.clone())] {
@@ -469,17 +596,18 @@ fn check_max_episodes(plan: &Plan, options: &Options, trainer: &Trainer) -> Resu
 /// Checks that the folder contains a run of this plan. `stop` may differ, so that a run can be
 /// extended.
 fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
-    let path = options.folder.scenario_file();
-    let mut stored: Document<Scenario> = input::read(&path)?;
+    let folder = &options.folder;
+    let mut stored = folder::read_scenario(&folder.scenario_file())?;
     stored.value.stop = plan.scenario.stop.clone();
-    let (stored_text, plan_text) = (stored.value.resolved(), plan.scenario.resolved());
+    let task = scenario::task_name(&stored.value.environment);
+    let task_text = input::read_text(&folder.task_file(task))?;
+    let stored_text = stored.value.beside_its_task(&plan.name, task).resolved();
+    let plan_text = plan.stored_scenario();
     let differing_lines = stored_text
         .lines()
         .zip(plan_text.lines())
         .find(|(stored, planned)| stored != planned);
-    let is_task_changed =
-        input::read_text(&options.folder.task_file(&plan.description.spec().name))?
-            != plan.environment_text;
+    let is_task_changed = task_text != plan.environment_text;
     match differing_lines {
         Some((stored, planned)) => Err(RunError::CannotResume(format!(
             "the run in {} cannot be resumed with this scenario: the run has `{}`, the scenario has `{}`",
@@ -498,7 +626,7 @@ fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
 
 /// Calls `f` with the information about the run that recordings contain.
 fn with_run_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>) -> R) -> R {
-    let scenario = plan.scenario.resolved();
+    let scenario = plan.stored_scenario();
     f(&RunInfo {
         name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
         focus: Focus::Learning,

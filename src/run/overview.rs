@@ -14,7 +14,7 @@ use crate::input_files;
 use crate::record::EpisodeRow;
 use crate::record::state_files::StateFiles;
 use crate::record::table;
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, task_name};
 use crate::text::file_stem;
 
 /// A run with its main results. What is not known is `None`.
@@ -166,9 +166,10 @@ fn unfinished_results(folder: &RunFolder) -> Result<Results, String> {
     if folder.has_state_files() {
         return state_file_results(folder);
     }
-    let name = folder.path().parent().map(|path| file_stem(path, ""));
+    let parent = folder.path().parent().map(|path| file_stem(path, ""));
     let mut results = Results {
-        scenario: name.filter(|name| !name.is_empty()),
+        // The scenario in folders of earlier versions has no name.
+        scenario: parent.filter(|name| !name.is_empty()),
         ..Results::default()
     };
     let scenario_file = folder.scenario_file();
@@ -180,7 +181,10 @@ fn unfinished_results(folder: &RunFolder) -> Result<Results, String> {
     verified.map_err(|error| error.to_string())?;
     let scenario = input_files::read::<Scenario>(&scenario_file);
     let scenario = scenario.map_err(|error| error.to_string())?.value;
-    results.environment = Some(file_stem(Path::new(scenario.environment.as_str()), ""));
+    if !scenario.name.is_empty() {
+        results.scenario = Some(scenario.name.value().clone());
+    }
+    results.environment = Some(task_name(&scenario.environment).to_owned());
     results.seed = Some(scenario.seed);
     results.agents = Some(u64::from(scenario.agents.count.get()));
     let [episodes, _] = folder.table_files();

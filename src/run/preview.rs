@@ -63,6 +63,7 @@ fn preview_scenario(
     run_seed: u64,
 ) -> Scenario {
     Scenario {
+        name: String::new().into(),
         environment: description.spec().name.clone().into(),
         physics,
         agents: TeamConfig {

@@ -128,7 +128,7 @@ fn create_recorder(
         bonus: BonusRange::None,
         max_episodes: settings.evaluation.episodes,
         run_seed: plan.scenario.seed,
-        scenario: &plan.scenario.resolved(),
+        scenario: &plan.stored_scenario(),
         properties: &[
             ("replay_after_round", trainer.rounds().to_string()),
             ("replay_seed", settings.evaluation.seed.to_string()),

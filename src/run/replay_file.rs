@@ -42,11 +42,11 @@ impl StoredTransitions {
 /// Writes the transitions of a run's replay buffer to files in the folder of its checkpoint.
 pub(super) struct ReplayFile {
     folder: PathBuf,
-    /// What the newest checkpoint has; `None` before the first.
+    /// What was stored last; `None` before the first time.
     stored: Option<StoredTransitions>,
-    /// What the checkpoint before it has, as far as it was written since the run was begun or
-    /// resumed.
-    previous: Option<StoredTransitions>,
+    /// What the newest checkpoint and the one before it have, as far as they were written since the
+    /// run was begun or resumed.
+    in_checkpoints: [Option<StoredTransitions>; 2],
     /// Hash of the stored transitions.
     hash: Xxh64,
 }
@@ -57,7 +57,7 @@ impl ReplayFile {
         Self {
             folder,
             stored: None,
-            previous: None,
+            in_checkpoints: [None, None],
             hash: Xxh64::new(0),
         }
     }
@@ -78,7 +78,7 @@ impl ReplayFile {
             checksum: hash.digest(),
             ..old
         };
-        self.previous = self.stored.replace(stored);
+        self.stored = Some(stored);
         self.hash = hash;
         Ok(stored)
     }
@@ -112,14 +112,20 @@ impl ReplayFile {
         Ok(Self {
             folder,
             stored: Some(stored),
-            previous: None,
+            in_checkpoints: [Some(stored), None],
             hash,
         })
     }
 
-    /// Deletes the files that neither the newest checkpoint nor the one before it needs.
-    pub(super) fn delete_other_files(&self) -> io::Result<()> {
-        let needed = [self.stored, self.previous];
+    /// Notes what the newest checkpoint has, and deletes the files that neither it nor the one before
+    /// it needs.
+    pub(super) fn committed(&mut self, newest: Option<StoredTransitions>) -> io::Result<()> {
+        if newest.is_none() && self.stored.is_none() {
+            return Ok(());
+        }
+        self.in_checkpoints = [newest, self.in_checkpoints[0]];
+        let [newest, previous] = self.in_checkpoints;
+        let needed = [newest, previous, self.stored];
         let needed = needed.map(|stored| Some(path(&self.folder, stored?.file)));
         for entry in fs::read_dir(&self.folder)? {
             let path = Some(entry?.path());
@@ -243,7 +249,7 @@ mod tests {
         fn play_and_store(&mut self, steps: usize, kind: f32) -> StoredTransitions {
             self.play(steps, kind);
             let stored = self.file.write(&self.replay).unwrap();
-            self.file.delete_other_files().unwrap();
+            self.file.committed(Some(stored)).unwrap();
             stored
         }
 

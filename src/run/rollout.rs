@@ -12,6 +12,7 @@ use super::ranks::Ranks;
 use super::remote_steps::{PlayedSteps, RemoteRounds};
 use crate::record::{BodyTrajectory, SceneSettings};
 use seedbed_env::Environment;
+use seedbed_learn::cancellation::cancellation_point;
 use seedbed_learn::experience::Episode;
 use seedbed_learn::team::{Team, Workers};
 
@@ -163,6 +164,7 @@ impl<'a> PlayingGroup<'a> {
     fn play(&mut self, team: &dyn Team, max_steps: Option<u32>) {
         let Self { environment, round } = self;
         while !round.is_over() && max_steps.is_none_or(|max| round.unreported_steps < max) {
+            cancellation_point();
             round
                 .slots
                 .step(&mut **environment, team, round.unreported_steps);

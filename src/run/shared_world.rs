@@ -10,6 +10,7 @@ use super::trainer::{Diverged, Round, Trainer, shares_rapier_world};
 use crate::scenario::{Scenario, Schedule};
 use seedbed_env::input::InputError;
 use seedbed_env::{Environment, Physics, TaskDescription, build};
+use seedbed_learn::cancellation::cancellation_point;
 
 /// Number of copies from which on a step takes hardly less time per copy.
 const SUFFICIENT_COPIES: usize = 32;
@@ -152,6 +153,7 @@ impl SharedWorld {
 
     /// All agents of all runs act, and all copies advance by one step.
     fn step(&mut self) {
+        cancellation_point();
         let width = self.environment.spec().action_width() * self.agents_per_run;
         let places = self
             .places

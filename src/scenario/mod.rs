@@ -27,6 +27,10 @@ use seedbed_learn::algorithms::{Algorithm, ScheduleError, ScheduleKind};
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
+    /// Name of the scenario; by default that of its file. The copy in the folder of a run has it.
+    #[serde(default, skip_serializing_if = "is_unnamed")]
+    #[schemars(skip)]
+    pub name: Located<String>,
     /// The task: name of a file in `envs/`, without `.ron`, or path of a file.
     pub environment: Located<String>,
     /// Physics engine: rigid bodies, or the task's analytic model if it has one.
@@ -239,18 +243,10 @@ fn one() -> Count<10_000> {
     ranged_count(1)
 }
 
-/// Reads the scenario at `path` and applies `overrides`, each as `path.to.field=value`.
-///
-/// # Errors
-/// If the file or an override is invalid.
-pub fn load(path: &Path, overrides: &[String]) -> Result<Document<Scenario>, InputError> {
-    overrides::apply_all(input_files::read(path)?, overrides)
-}
-
 /// Path of the file that a scenario's `environment` names. A name is looked up in the nearest
 /// directory `envs` above the scenario or else above the working directory, and then among the
 /// built-in tasks; a path is relative to the scenario. Built-in scenarios use built-in tasks, so
-/// that they do not depend on the working directory.
+/// that they do not depend on the working directory, unless an override names another task.
 ///
 /// # Errors
 /// If there is no such file, with the names that exist.
@@ -259,7 +255,11 @@ pub fn environment_path(
     scenario_path: &Path,
 ) -> Result<PathBuf, InputError> {
     let name = &scenario.value.environment;
-    let folder = input_files::folder_of(scenario_path);
+    let folder = if is_override_of_builtin(name, scenario_path)? {
+        PathBuf::new()
+    } else {
+        input_files::folder_of(scenario_path)
+    };
     if name.ends_with(".ron") {
         let path = folder.join(name.as_str());
         if path.is_file() {
@@ -273,10 +273,42 @@ pub fn environment_path(
     })
 }
 
+/// Whether a scenario is built in, but the name of its task is not that in its file: a user has
+/// given it, who knows the working directory.
+fn is_override_of_builtin(name: &str, scenario_path: &Path) -> Result<bool, InputError> {
+    if !input_files::is_builtin(scenario_path) {
+        return Ok(false);
+    }
+    let unchanged: Document<Scenario> = input_files::read(scenario_path)?;
+    Ok(unchanged.value.environment.as_str() != name)
+}
+
+/// Name of the task that a scenario's `environment` names: that of its file, without `.ron`.
+#[must_use]
+pub fn task_name(environment: &str) -> &str {
+    let file = environment.rsplit('/').next().unwrap_or(environment);
+    file.strip_suffix(".ron").unwrap_or(file)
+}
+
+/// How a scenario names the task `envs/TASK.ron` in its own folder, whose directory `envs` is the
+/// nearest. The name of a task that ends in `.ron` would be a path.
+pub(crate) fn environment_in_folder(task: &str) -> String {
+    if task.ends_with(".ron") {
+        format!("envs/{task}.ron")
+    } else {
+        task.to_owned()
+    }
+}
+
+fn is_unnamed(name: &Located<String>) -> bool {
+    name.is_empty()
+}
+
 impl Scenario {
     /// A scenario with all defaults and an unnamed task.
     fn with_defaults() -> Self {
         Self {
+            name: Located::default(),
             environment: String::new().into(),
             physics: Physics::default(),
             agents: TeamConfig::default(),
@@ -295,6 +327,14 @@ impl Scenario {
     /// # Errors
     /// The first contradiction, with the field that is to be changed.
     pub fn check(&self) -> Result<(), ValidationError> {
+        if !is_unnamed(&self.name)
+            && Path::new(self.name.as_str())
+                .file_name()
+                .is_none_or(|name| name != self.name.as_str())
+        {
+            let message = "expected a name that a folder can have, without `/`";
+            return Err(self.name.error(message));
+        }
         self.algorithm.config().check()?;
         self.algorithm.config().check_team(&self.agents)?;
         self.check_schedule()?;
@@ -323,6 +363,17 @@ impl Scenario {
             ScheduleError::Algorithm(message) => self.algorithm.error(message),
             ScheduleError::Parameter(error) => error,
         })
+    }
+
+    /// The scenario for a folder that has a copy of its task: `envs/TASK.ron`. Its name there is
+    /// `name`.
+    #[must_use]
+    pub fn beside_its_task(&self, name: &str, task: &str) -> Self {
+        Self {
+            name: name.to_owned().into(),
+            environment: environment_in_folder(task).into(),
+            ..self.clone()
+        }
     }
 
     /// Text of the scenario's file with all defaults.

@@ -128,6 +128,14 @@ pub enum RegistrationError {
     /// There is no lock file.
     #[error("{path}: no such file; register the study with --register before --confirm", path = .0.display())]
     NotRegistered(PathBuf),
+    /// The lock file is no lock.
+    #[error("{path}: this is no lock of a study: {reason}; expected an unchanged file that --register wrote", path = .path.display())]
+    Invalid {
+        /// Path of the lock file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
     /// The lock file was changed after it was written.
     #[error("{path}: this lock was changed after it was made: its contents do not have its id; expected an unchanged file", path = .0.display())]
     Changed(PathBuf),
@@ -361,13 +369,24 @@ impl Lock {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 return Err(RegistrationError::NotRegistered(path.to_owned()));
             }
+            Err(error) if error.kind() == std::io::ErrorKind::InvalidData => {
+                return Err(Self::invalid(path, &error));
+            }
             Err(error) => return Err(store_error(path, &error).into()),
         };
-        let lock: Self = serde_json::from_str(&text).map_err(|error| store_error(path, &error))?;
+        let lock: Self =
+            serde_json::from_str(&text).map_err(|error| Self::invalid(path, &error))?;
         if lock.is_unchanged() {
             Ok(lock)
         } else {
             Err(RegistrationError::Changed(path.to_owned()))
+        }
+    }
+
+    fn invalid(path: &Path, reason: &dyn Display) -> RegistrationError {
+        RegistrationError::Invalid {
+            path: path.to_owned(),
+            reason: reason.to_string(),
         }
     }
 

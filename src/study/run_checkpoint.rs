@@ -25,7 +25,7 @@ use super::provenance::{self, BuildId};
 use super::run_result::MeasuredRun;
 use super::store::StudyFolder;
 use crate::run::checkpoint_schedule::CheckpointSchedule;
-use crate::run::files::{PART_SUFFIX, Replacement};
+use crate::run::files::Replacement;
 use crate::run::sealed::{self, Format, SealError};
 use crate::run::trainer::Trainer;
 use seedbed_learn::experience::replay::Replay;
@@ -180,6 +180,7 @@ impl<'a> RunCheckpoints<'a> {
             schedule: CheckpointSchedule::with_share(share, self.min_distance),
             max_episodes,
             max_loss: self.max_loss,
+            latest_update: Instant::now(),
             saved_rounds: 0,
             is_broken: false,
             notify: self.notify,
@@ -230,6 +231,8 @@ pub(super) struct RunCheckpoint<'a> {
     max_episodes: u32,
     schedule: CheckpointSchedule,
     max_loss: Duration,
+    /// When the run began or its latest round ended.
+    latest_update: Instant,
     /// Number of rounds in the checkpoint that this process has read or written.
     saved_rounds: u32,
     /// Whether the latest checkpoint could not be written.
@@ -281,10 +284,13 @@ impl RunCheckpoint<'_> {
         is_interrupted: bool,
     ) {
         let (rounds, start) = (trainer.rounds(), Instant::now());
+        let last_round = start.duration_since(self.latest_update);
+        self.latest_update = start;
         let is_due = if is_interrupted {
             self.schedule.distance(start) >= self.max_loss
         } else {
-            self.schedule.is_due(rounds, start)
+            // A round that takes this long may be abandoned, and the run continues with that before it.
+            last_round >= MAX_LOSS || self.schedule.is_due(rounds, start)
         };
         if !is_due || rounds == self.saved_rounds {
             return;
@@ -507,18 +513,6 @@ fn read_head(file: &mut impl Read) -> Result<(Vec<u8>, Head), Damage> {
 pub(super) fn progress(path: &Path) -> Option<SavedProgress> {
     let (_, head) = read_head(&mut File::open(path).ok()?).ok()?;
     (Some(head.run.build) == provenance::build_id()).then_some(head.progress)
-}
-
-/// Removes the files of a folder that were not yet complete checkpoints when their processes were killed.
-pub(super) fn remove_incomplete(folder: &Path) {
-    let infix = format!(".{EXTENSION}.");
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        if name.contains(&infix) && name.ends_with(PART_SUFFIX) {
-            let _ = fs::remove_file(entry.path());
-        }
-    }
 }
 
 /// Removes a checkpoint that is of no use any more. One that cannot be removed does no harm.

@@ -122,14 +122,21 @@ impl StudyFolder {
     }
 
     /// Locks the folder, and creates it if necessary. An `exclusive` lock is for one process; other
-    /// locks can be held by any number of processes, each of which adds single runs. `None` if a
-    /// lock of another process conflicts.
+    /// locks can be held by any number of processes, each of which adds single runs. Removes files that
+    /// processes did not complete because they were killed. `None` if a lock of another process
+    /// conflicts.
     ///
     /// # Errors
     /// If the folder or the lock file cannot be created.
     pub fn lock(&self, exclusive: bool) -> io::Result<Option<FileLock>> {
         std::fs::create_dir_all(&self.path)?;
-        FileLock::acquire(&self.path.join(".lock"), exclusive)
+        let lock = FileLock::acquire(&self.path.join(".lock"), exclusive)?;
+        if lock.is_some() {
+            for folder in [&self.path, &self.runs_folder()] {
+                files::remove_abandoned(folder, |_| true);
+            }
+        }
+        Ok(lock)
     }
 
     /// Stored result of the run with this digest and run seed. `None` if there is none, or if it
@@ -220,11 +227,10 @@ impl StudyFolder {
         }
     }
 
-    /// Removes what processes left which ended before their runs were finished: marks, and checkpoints
-    /// that were not completed. Of use only if no other process executes runs.
+    /// Removes the marks of processes that ended before their runs were finished. Of use only if no
+    /// other process executes runs.
     pub fn remove_leftovers(&self) {
         run_marks::remove_all(&self.runs_folder());
-        run_checkpoint::remove_incomplete(&self.runs_folder());
     }
 
     /// Whether there is a result file of the run, readable or not.
@@ -399,6 +405,12 @@ impl StudyFolder {
         let text = std::fs::read_to_string(&path).map_err(|error| error.to_string());
         text.and_then(|text| has_own_checksum(&text))
             .map_err(|reason| StoreError { path, reason })
+    }
+
+    /// Whether the folder has the manifest of a study, readable or not.
+    #[must_use]
+    pub fn has_manifest(&self) -> bool {
+        self.manifest_file().exists()
     }
 
     fn manifest_file(&self) -> PathBuf {

@@ -1,6 +1,7 @@
 //! Planning: the optimal policy of an MDP over the remaining steps, by backward induction.
 
 use seedbed_env::tabular::{Mdp, Model};
+use seedbed_learn::cancellation::cancellation_point;
 
 /// Finds optimal policies of MDPs of one model.
 ///
@@ -65,6 +66,7 @@ impl Planner {
         }
         self.values[0].fill(0.0);
         for step in (first_step as usize..self.layers.len()).rev() {
+            cancellation_point();
             let [next_values, values] = &mut self.values;
             for &state in &self.layers[step] {
                 let backup = Backup {
@@ -107,6 +109,7 @@ impl Planner {
         let (mut choices, mut shares) = (Vec::new(), vec![0.0; self.states]);
         shares[state as usize] = 1.0;
         for step in first_step..self.layers.len() as u32 {
+            cancellation_point();
             let mut next_shares = vec![0.0; self.states];
             for &state in &self.layers[step as usize] {
                 let share = shares[state as usize];
@@ -207,6 +210,7 @@ fn layers(model: &Model) -> Vec<Vec<u32>> {
     let mut layers: Vec<Vec<u32>> = Vec::with_capacity(model.horizon as usize);
     let mut layer = vec![model.start];
     for _ in 0..model.horizon {
+        cancellation_point();
         let next = next_layer(model, &layer);
         layers.push(std::mem::replace(&mut layer, next));
     }

@@ -8,6 +8,7 @@ use super::results::{Results, Summary};
 use super::scenario::TabularScenario;
 use super::team::{Episode, TabularTeam};
 use crate::record::RecorderFactory;
+use crate::run::stopping;
 use crate::run::summary::FINAL_WINDOW;
 use crate::run::{Observer, Options, Progress, RunError};
 use crate::text::file_stem;
@@ -74,27 +75,44 @@ pub fn execute(
         )));
     }
     let mut recorder = TabularRecorder::new(&plan.name, &plan.scenario, recorder_factory)?;
-    let mut team = TabularTeam::new(&plan.scenario);
     let mut episodes = Vec::new();
-    observer.begun(&progress(plan, &team, &episodes));
-    while let Some(step) = team.advance() {
-        recorder.record_step(&step)?;
-        if let Some(episode) = step.ended_episode {
-            episodes.push(episode);
-            report_warning(&mut recorder, observer);
-            observer.round_finished(&progress(plan, &team, &episodes));
-        }
-        if interrupted.load(Ordering::Relaxed) && episodes.len() < plan.team_episodes() {
-            return Ok(Ending::Interrupted {
-                episodes: episodes.len(),
-            });
-        }
-    }
+    let played = stopping::with_grace(interrupted, |cancellation| {
+        cancellation.run(|| play(plan, &mut recorder, &mut episodes, observer, interrupted))
+    });
+    let Some(team) = played.transpose()?.flatten() else {
+        return Ok(Ending::Interrupted {
+            episodes: episodes.len(),
+        });
+    };
     recorder.finish()?;
     report_warning(&mut recorder, observer);
     let results = Results::of(&plan.name, &plan.scenario, &team, episodes);
     results.write(&plan.scenario, folder)?;
     Ok(Ending::Finished(Box::new(results.summary)))
+}
+
+/// Plays all episodes. `None` if interrupted.
+fn play(
+    plan: &TabularPlan,
+    recorder: &mut TabularRecorder,
+    episodes: &mut Vec<Episode>,
+    observer: &mut dyn Observer,
+    interrupted: &AtomicBool,
+) -> Result<Option<TabularTeam>, RunError> {
+    let mut team = TabularTeam::new(&plan.scenario);
+    observer.begun(&progress(plan, &team, episodes));
+    while let Some(step) = team.advance() {
+        recorder.record_step(&step)?;
+        if let Some(episode) = step.ended_episode {
+            episodes.push(episode);
+            report_warning(recorder, observer);
+            observer.round_finished(&progress(plan, &team, episodes));
+        }
+        if interrupted.load(Ordering::Relaxed) && episodes.len() < plan.team_episodes() {
+            return Ok(None);
+        }
+    }
+    Ok(Some(team))
 }
 
 fn report_warning(recorder: &mut TabularRecorder, observer: &mut dyn Observer) {

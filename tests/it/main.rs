@@ -23,6 +23,7 @@ mod registration;
 mod reliability;
 mod review;
 mod scaling;
+mod self_contained;
 mod shared_world;
 mod state_files;
 #[cfg(unix)]

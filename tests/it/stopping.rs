@@ -41,7 +41,9 @@ fn assert_resumable_after(signal: &str, run: Command, stopped: &Path) {
     send_signal(signal, &child);
     let output = child.wait_with_output().unwrap();
     let errors = stderr(&output);
-    assert_eq!(output.status.code(), Some(1), "{signal}: {errors}");
+    // 128 + number of the signal, as shells say of a process that it ended.
+    let expected = if signal == "HUP" { 129 } else { 143 };
+    assert_eq!(output.status.code(), Some(expected), "{signal}: {errors}");
     assert!(
         errors.contains("stopping, at the latest after this round"),
         "{errors}"
@@ -61,6 +63,185 @@ fn a_run_that_gets_term_can_be_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     assert_resumable_after("TERM", run_command(&path, &RUN), &path);
+}
+
+/// Rounds that take minutes or hours: a team whose agents all learn from all, long episodes, planning,
+/// models of the task, updates during episodes.
+const LONG_ROUNDS: [(&str, &[&str]); 6] = [
+    ("cartpole", &["agents.count=500", "algorithm.epochs=1000"]),
+    (
+        "cartpole",
+        &[
+            "agents.count=1",
+            "algorithm.epochs=10000",
+            "algorithm.hidden=[4096, 4096]",
+        ],
+    ),
+    ("cartpole", &["environment=LONG", "agents.count=2"]),
+    (
+        "mountain_car_seed_psrl",
+        &["algorithm.candidates=10000", "algorithm.iterations=1000"],
+    ),
+    ("corridors_vime", &["algorithm.bonus.minibatches=1000000"]),
+    (
+        "cartpole_q",
+        &[
+            "schedule=Lockstep(learn_every: 1)",
+            "algorithm.minibatches=100000",
+            "algorithm.warmup=1",
+        ],
+    ),
+];
+
+/// A round that would last longer than a second after the signal is abandoned. The checkpoint is that of
+/// the round before, and the run can be stopped again while it is resumed.
+#[test]
+fn runs_with_long_rounds_obey_signals() {
+    let folder = tempfile::tempdir().unwrap();
+    let task = fs::read_to_string("envs/cartpole.ron").unwrap();
+    let endless = task
+        .replace("time_limit: 200", "time_limit: 2000000000")
+        .replace("terminated: ", "terminated: \"false\", // ");
+    let long = folder.path().join("long.ron");
+    fs::write(&long, endless).unwrap();
+    for (index, (scenario, settings)) in LONG_ROUNDS.iter().enumerate() {
+        let path = folder.path().join(format!("run_{index}"));
+        for resume in [None, Some("--resume")] {
+            let mut run = command(&[
+                "run",
+                scenario,
+                "--threads",
+                "1",
+                "--ignore-memory",
+                "--out",
+            ]);
+            run.arg(&path).args(resume);
+            for setting in *settings {
+                run.args(["--set", &setting.replace("LONG", long.to_str().unwrap())]);
+            }
+            let child = start(run, &path);
+            send_signal("TERM", &child);
+            let output = child.wait_with_output().unwrap();
+            let errors = stderr(&output);
+            assert_eq!(output.status.code(), Some(143), "{settings:?}: {errors}");
+            let expected = "interrupted after 0 rounds; resume with\n";
+            assert!(errors.contains(expected), "{settings:?}: {errors}");
+        }
+    }
+}
+
+/// A run that is stopped again and again in the middle of rounds has the bits of one that is not.
+#[test]
+fn abandoned_rounds_do_not_change_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, scenario, settings) in [
+        (
+            "pg",
+            "cartpole",
+            [
+                "agents.count=16",
+                "algorithm.epochs=200",
+                "stop=Episodes(3)",
+            ],
+        ),
+        (
+            "q",
+            "cartpole_q",
+            [
+                "agents.count=2",
+                "algorithm.learning.minibatches=300",
+                "stop=Episodes(3)",
+            ],
+        ),
+    ] {
+        let run = |path: &Path, resume: Option<&str>| {
+            let mut run = command(&["run", scenario, "--threads", "1", "--out"]);
+            run.arg(path).args(resume);
+            settings.iter().for_each(|setting| {
+                run.args(["--set", setting]);
+            });
+            run
+        };
+        let (whole, stopped) = (
+            folder.path().join(name),
+            folder.path().join(format!("{name}_stopped")),
+        );
+        assert!(run(&whole, None).status().unwrap().success());
+        let child = start(run(&stopped, None), &stopped);
+        send_signal("TERM", &child);
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(
+            output.status.code(),
+            Some(143),
+            "{name}: {}",
+            stderr(&output)
+        );
+        let child = start(run(&stopped, Some("--resume")), &stopped);
+        wait_until("a round is finished", || {
+            stopped.join("summary.json").is_file()
+                || fs::read_to_string(stopped.join("episodes.csv"))
+                    .unwrap()
+                    .lines()
+                    .count()
+                    > 2
+        });
+        send_signal("TERM", &child);
+        if child.wait_with_output().unwrap().status.code() == Some(143) {
+            let output = run(&stopped, Some("--resume")).output().unwrap();
+            assert!(output.status.success(), "{name}: {}", stderr(&output));
+        }
+        assert_same_results(&whole, &stopped);
+    }
+}
+
+/// Commands that do not write a run are ended by the signal itself, or have the same exit status.
+#[test]
+fn a_tabular_run_and_a_study_with_long_steps_obey_signals() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tabular");
+    let mut run = command(&[
+        "run",
+        "tabular/deep_sea",
+        "--set",
+        "task.size=1000",
+        "--ignore-memory",
+        "--out",
+    ]);
+    run.arg(&path).stderr(Stdio::piped());
+    let child = run.spawn().unwrap();
+    wait_until("the run has begun", || path.join(".lock").is_file());
+    send_signal("TERM", &child);
+    let output = child.wait_with_output().unwrap();
+    // By itself, or before it listens.
+    let status = output.status;
+    let is_stopped = status.code() == Some(143) || status.code().is_none();
+    assert!(is_stopped, "{status}: {}", stderr(&output));
+
+    let long = r#""agents.count=300", "algorithm.epochs=10000""#;
+    let text = study_text(3, "").replace(r#""agents.count=2""#, long);
+    assert!(text.contains(long), "{text}");
+    let (_folder, study, out) = write_study(&text);
+    let mut run = command(&[
+        "study",
+        study.to_str().unwrap(),
+        "--jobs",
+        "2",
+        "--ignore-memory",
+        "--out",
+    ]);
+    run.arg(&out).stderr(Stdio::piped()).stdout(Stdio::null());
+    let child = run.spawn().unwrap();
+    wait_until("a run has begun", || {
+        out.join("runs").is_dir() && fs::read_dir(out.join("runs")).unwrap().next().is_some()
+    });
+    send_signal("TERM", &child);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(143), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("interrupted; repeat the command"),
+        "{}",
+        stderr(&output)
+    );
 }
 
 /// `env` handles HUP as usual even if these tests were started by `nohup`.

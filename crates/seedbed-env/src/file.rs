@@ -25,6 +25,7 @@ use serde::Deserialize;
 
 pub use actuators::{ActuatorKind, ForceFrame};
 pub use checked::{Direction, Interval, Name, Vector, WholeNumbers};
+pub use extends::{FieldPlace, find_field};
 pub use markers::Marker;
 pub use sensors::{Axis, SensorKind};
 pub use surfaces::{Collider, Geom, Points};

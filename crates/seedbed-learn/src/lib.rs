@@ -9,6 +9,7 @@
 
 pub mod agent;
 pub mod algorithms;
+pub mod cancellation;
 pub mod experience;
 pub mod math;
 pub mod nn;

@@ -83,6 +83,19 @@ impl LoadedRun {
     /// # Errors
     /// There is no run, or its files cannot be read.
     pub fn open(path: &Path) -> Result<Self, LoadRunError> {
+        Self::open_as_far_as(path, true)
+    }
+
+    /// Like [`open`](Self::open), but the recording in a run directory is not read, so that its tables
+    /// can be read whatever has become of it.
+    ///
+    /// # Errors
+    /// See [`open`](Self::open).
+    pub fn open_tables(path: &Path) -> Result<Self, LoadRunError> {
+        Self::open_as_far_as(path, false)
+    }
+
+    fn open_as_far_as(path: &Path, with_recording: bool) -> Result<Self, LoadRunError> {
         if !path.exists() {
             return Err(LoadRunError::Missing(path.to_owned()));
         }
@@ -90,10 +103,13 @@ impl LoadedRun {
         if !path.is_file() && folder.has_state_files() {
             return Self::of_state_files(folder);
         }
+        let [episodes, rounds] = folder.table_files();
         let recording = if path.is_file() {
             Some(path.to_owned())
-        } else {
+        } else if with_recording || !episodes.is_file() {
             recording_in(&folder)
+        } else {
+            None
         };
         let checksums = Checksums::read(&folder)?;
         let recording = recording
@@ -102,7 +118,6 @@ impl LoadedRun {
                 Ok::<_, LoadRunError>(RecordedStates::open(&path)?)
             })
             .transpose()?;
-        let [episodes, rounds] = folder.table_files();
         if !episodes.is_file() && recording.is_none() {
             return Err(no_run(path));
         }

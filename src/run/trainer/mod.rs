@@ -6,6 +6,9 @@
 mod from_scenario;
 mod saved;
 
+use std::fmt::{self, Display, Formatter};
+use std::path::Path;
+
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 pub(super) use self::from_scenario::shares_rapier_world;
@@ -18,6 +21,7 @@ use super::rollout::{self, CopyGroup, GroupRound, PlayedEpisodes, RoundPlan};
 use super::shared_episodes::{self, SharedEpisodes};
 use crate::record::{BodyTrajectory, SceneSettings};
 use crate::scenario::{Schedule, Stop, Threshold};
+use seedbed_env::file::find_field;
 use seedbed_env::{Environment, Scene, TaskSpec};
 use seedbed_learn::agent::{Tensor, UpdateReport};
 use seedbed_learn::experience::replay::Replay;
@@ -103,14 +107,26 @@ pub struct Round {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Diverged {
     /// An observation or a reward is not finite.
-    #[error("non-finite {what} (agent {agent}, episode {episode}): check the task's parameters")]
+    #[error(
+        "non-finite {what} (agent {agent}, episode {episode}, step {step}): {value}, after the \
+         observation {observation}; {place}"
+    )]
     Simulation {
         /// The agent.
         agent: u32,
         /// Number of the agent's episode, from 0.
         episode: u32,
+        /// Number of the step that leads to it, from 0; that of an episode's first observation is 0,
+        /// too.
+        step: usize,
         /// The name of the observation, or `reward`.
-        what: String,
+        what: NonFinite,
+        /// The number.
+        value: String,
+        /// The observation before: each name with its value.
+        observation: String,
+        /// Where its formula is, or what to check.
+        place: String,
     },
     /// A parameter of a network is not finite.
     #[error(
@@ -123,6 +139,43 @@ pub enum Diverged {
         /// Number of the round, from 0.
         round: u32,
     },
+}
+
+/// What is not finite.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NonFinite {
+    /// The observation of this name.
+    Observation(String),
+    /// The reward.
+    Reward,
+}
+
+impl Display for NonFinite {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Observation(name) => write!(formatter, "observation `{name}`"),
+            Self::Reward => formatter.write_str("reward"),
+        }
+    }
+}
+
+impl Diverged {
+    /// The error with the place of the formula in `text`, the text of the task's file at `path`.
+    #[must_use]
+    pub fn located_in(mut self, path: &Path, text: &str) -> Self {
+        if let Self::Simulation { what, place, .. } = &mut self {
+            let (field, entry) = match what {
+                NonFinite::Observation(name) => ("observations", Some(name.as_str())),
+                NonFinite::Reward => ("reward", None),
+            };
+            if let Some(found) = find_field(text, field, entry) {
+                let path = path.display();
+                let (line, column) = (found.line, found.column);
+                *place = format!("check `{field}` in {path}:{line}:{column}: {}", found.value);
+            }
+        }
+        self
+    }
 }
 
 impl Trainer {
@@ -635,19 +688,34 @@ fn number_agents(environments: Vec<Box<dyn Environment>>, mut first_agent: u32) 
 
 /// Checks that all numbers of an episode are finite.
 fn check_episode(spec: &TaskSpec, episode: &Episode) -> Result<(), Diverged> {
-    let non_finite = episode.observations.iter().position(|x| !x.is_finite());
-    let what = if let Some(index) = non_finite {
-        let name = &spec.observations[index % spec.observations.len()].name;
-        format!("observation `{name}`")
-    } else if episode.rewards.iter().any(|reward| !reward.is_finite()) {
-        "reward".to_owned()
-    } else {
-        return Ok(());
+    let width = spec.observation_width();
+    let observations = &episode.observations;
+    let reward = episode.rewards.iter().position(|x| !x.is_finite());
+    let observation = observations.iter().position(|x| !x.is_finite());
+    // The first step with such a number. An observation that is not finite may be the reason why the
+    // reward of its step is not.
+    let row = observation.map(|index| index / width);
+    let (step, what, value) = match (row, reward) {
+        (Some(row), reward) if reward.is_none_or(|step| row <= step + 1) => {
+            let index = observation.unwrap_or_default();
+            let name = spec.observations[index % width].name.clone();
+            let step = row.saturating_sub(1);
+            (step, NonFinite::Observation(name), observations[index])
+        }
+        (_, Some(step)) => (step, NonFinite::Reward, episode.rewards[step]),
+        (_, None) => return Ok(()),
     };
+    let names = spec.observations.iter().map(|quantity| &quantity.name);
+    let before = observations[step * width..][..width].iter();
+    let before = names.zip(before).map(|(name, x)| format!("{name} = {x}"));
     Err(Diverged::Simulation {
         agent: episode.agent,
         episode: episode.episode,
+        step,
         what,
+        value: value.to_string(),
+        observation: before.collect::<Vec<_>>().join(", "),
+        place: "check the task's parameters".to_owned(),
     })
 }
 

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use super::Experiment;
 use crate::input_files;
-use crate::run::Plan;
+use crate::run::{Plan, folder};
+use crate::scenario;
 use crate::scenario::overrides::{self, Resolve};
-use crate::scenario::{self, Scenario};
 use crate::tabular::{TabularPlan, TabularScenario};
 use seedbed_env::input::{self, Document, FileKind, InputError};
 
@@ -49,7 +49,8 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
     let text = input_files::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
     let kind = input::file_kind(&origin, &text);
     if matches!(kind, Ok(FileKind::TabularScenario)) {
-        let document: Document<TabularScenario> = parse_with_overrides(&origin, text, overrides)?;
+        let document: Result<Document<TabularScenario>, _> = input::parse(&origin, text);
+        let document = with_overrides(document, overrides)?;
         return Ok(Arc::new(TabularPlan::new(path, document.value)));
     }
     if let Ok(
@@ -62,7 +63,7 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
         return Err(LoadStep::Read.failed(wrong_kind(&origin, kind)));
     }
     // Files of any other kind are refused with the errors of a `Scenario`.
-    let document: Document<Scenario> = parse_with_overrides(&origin, text, overrides)?;
+    let document = with_overrides(folder::parse_scenario(path, text), overrides)?;
     let plan = Plan::from_document(document, path);
     Ok(Arc::new(
         plan.map_err(|error| LoadStep::Check.failed(error))?,
@@ -84,7 +85,7 @@ pub fn files_read(path: &Path, overrides: &[String]) -> Result<Vec<PathBuf>, Loa
     ) {
         return Ok(files);
     }
-    let document: Document<Scenario> = parse_with_overrides(&origin, text, overrides)?;
+    let document = with_overrides(folder::parse_scenario(path, text), overrides)?;
     let of_task = scenario::environment_path(&document, path)
         .and_then(|task| input_files::files_of_task(&task));
     files.extend(of_task.map_err(|error| LoadStep::Check.failed(error))?);
@@ -107,12 +108,11 @@ fn wrong_kind(origin: &str, kind: FileKind) -> InputError {
     }
 }
 
-fn parse_with_overrides<T: Resolve>(
-    origin: &str,
-    text: String,
+fn with_overrides<T: Resolve>(
+    document: Result<Document<T>, InputError>,
     overrides: &[String],
 ) -> Result<Document<T>, LoadError> {
-    let mut document = input::parse(origin, text).map_err(|error| LoadStep::Read.failed(error))?;
+    let mut document = document.map_err(|error| LoadStep::Read.failed(error))?;
     for (index, assignment) in overrides.iter().enumerate() {
         document = overrides::apply(&document, assignment)
             .map_err(|error| LoadStep::Override(index).failed(error))?;

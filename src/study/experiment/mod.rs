@@ -135,6 +135,11 @@ pub trait Experiment: Debug + Send + Sync {
         steps * (1.0 + self.learning_cost())
     }
 
+    /// What to know before a run whose rounds may take minutes; `None` if they do not.
+    fn round_cost_note(&self) -> Option<String> {
+        None
+    }
+
     /// Default run directory: `recordings/NAME/seed-N`.
     fn default_folder(&self) -> PathBuf {
         Path::new("recordings")

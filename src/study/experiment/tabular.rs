@@ -7,6 +7,7 @@ use xxhash_rust::xxh64::Xxh64;
 use super::{Experiment, RunControl, RunEnding, RunReport, StopRule};
 use crate::record::RecorderFactory;
 use crate::run::measures::diversity::{Diversity, divergence};
+use crate::run::stopping::with_grace;
 use crate::run::{Observer, Options, RunError};
 use crate::scenario::overrides::Resolve;
 use crate::study::bench::{BenchReport, RegretReport};
@@ -94,7 +95,10 @@ impl Experiment for TabularPlan {
         control: RunControl<'_>,
     ) -> Result<Option<RunResult>, RunError> {
         let scenario = with_run_seed(&self.scenario, run_seed);
-        Ok(measure_run(&scenario, windows, control.interrupted))
+        let measured = with_grace(control.interrupted, |cancellation| {
+            cancellation.run(|| measure_run(&scenario, windows, control.interrupted))
+        });
+        Ok(measured.flatten())
     }
 
     fn run_in_folder(

@@ -1,6 +1,7 @@
 //! Training as an experiment: a team that learns in rounds.
 
 use std::convert::Infallible;
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use xxhash_rust::xxh64::Xxh64;
@@ -10,19 +11,23 @@ use super::{
     measure_one_by_one,
 };
 use crate::record::table::TableFiles;
-use crate::record::{RecorderFactory, RecordingSettings};
+use crate::record::{EpisodeRow, RecorderFactory, RecordingSettings};
+use crate::run::folder::Contents;
 use crate::run::ranks::Ranks;
 use crate::run::shared_world::{SharedWorld, runs_per_world};
+use crate::run::stopping::with_grace;
 use crate::run::summary::{FINAL_WINDOW, Summary};
-use crate::run::trainer::Trainer;
+use crate::run::trainer::{Diverged, Trainer};
 use crate::run::{self, Observer, Options, Plan, RecorderFactories, RunError, RunOutcome};
 use crate::scenario::{Scenario, Schedule};
 use crate::study::bench::{BenchReport, SolvingReport};
 use crate::study::measure::{Measure, Needs};
 use crate::study::run_checkpoint::RunCheckpoint;
 use crate::study::run_result::{MeasuredRun, RunResult};
+use crate::study::shard::COST_PER_MINUTE;
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
+use seedbed_env::input::Located;
 use seedbed_env::input::numbers::{ranged_count, ranged_number};
 
 impl Experiment for Plan {
@@ -55,6 +60,29 @@ impl Experiment for Plan {
              receives a reward; such agents are no baseline of learning"
                 .to_owned()
         })
+    }
+
+    /// Rounds of which each agent learns from the episodes of all agents have K² such pairs.
+    fn round_cost_note(&self) -> Option<String> {
+        const MIN_MINUTES: f64 = 0.5;
+        let (agents, episodes) = (f64::from(self.agents()), f64::from(self.max_episodes()));
+        let minutes = self.cost() / COST_PER_MINUTE / episodes;
+        if minutes < MIN_MINUTES {
+            return None;
+        }
+        let learns_from_all = self.learning_cost() >= agents && agents > 1.0;
+        let reason = if learns_from_all {
+            format!(
+                ": each of {agents} agents learns from the episodes of all, which are {} pairs",
+                agents * agents
+            )
+        } else {
+            String::new()
+        };
+        Some(format!(
+            "a round may take up to about {} on one core, for one episode per agent at full length{reason}",
+            duration_text(minutes)
+        ))
     }
 
     fn agents(&self) -> u32 {
@@ -105,16 +133,23 @@ impl Experiment for Plan {
         let new_trainer = || Trainer::from_scenario(&scenario, &self.description, 1);
         let checkpoint = own_checkpoint(self, run_seed, windows, control, 1);
         let (mut trainer, mut run) = ActiveRun::begin(new_trainer, run_seed, windows, checkpoint)?;
-        while !is_done(&trainer, stop_rule) {
-            let is_interrupted = control.is_interrupted();
-            run.update_checkpoint(&trainer, is_interrupted);
-            if is_interrupted {
-                return Ok(None);
-            }
-            let rows = trainer.advance()?.rows;
-            run.measured.add_round(&trainer, &rows);
-        }
-        Ok(Some(run.measured.finish()))
+        let measured = with_grace(control.interrupted, |cancellation| {
+            cancellation.run(|| {
+                while !is_done(&trainer, stop_rule) {
+                    let is_interrupted = control.is_interrupted();
+                    run.update_checkpoint(&trainer, is_interrupted);
+                    if is_interrupted {
+                        return Ok(None);
+                    }
+                    let round = trainer.advance();
+                    let rows = round.map_err(|diverged| located(self, diverged))?.rows;
+                    run.measured.add_round(&trainer, &rows);
+                }
+                Ok(Some(run.measured.finish()))
+            })
+        });
+        // A long round was abandoned: the checkpoint is of the round before it.
+        measured.unwrap_or(Ok(None))
     }
 
     fn runs_together(&self) -> usize {
@@ -134,7 +169,10 @@ impl Experiment for Plan {
             None
         };
         match world {
-            Some(world) => measure_in_world(self, world, stop_rule, queue, control),
+            Some(world) => with_grace(control.interrupted, |cancellation| {
+                // Of rounds that are abandoned, there are no results.
+                cancellation.run(|| measure_in_world(self, world, stop_rule, queue, control));
+            }),
             None => measure_one_by_one(self, stop_rule, queue, control),
         }
     }
@@ -155,7 +193,7 @@ impl Experiment for Plan {
             RunOutcome::Finished(summary) => RunEnding::Finished(report(&summary, options)),
             RunOutcome::Interrupted { rounds } => RunEnding::Interrupted {
                 after: pluralize(rounds as usize, "round"),
-                can_resume: true,
+                can_resume: options.folder.contents() == Contents::UnfinishedRun,
             },
             RunOutcome::Elsewhere => RunEnding::Elsewhere,
         })
@@ -206,7 +244,7 @@ fn measure_in_world(
         let trainer = world.trainer(place);
         let round = round.map(|round| run.measured.add_round(trainer, &round.rows));
         if round.is_err() || is_done(trainer, stop_rule) {
-            let failure = round.map_err(|diverged| diverged.to_string());
+            let failure = round.map_err(|diverged| located(plan, diverged).to_string());
             world.end(place);
             queue.finish(&request, failure.map(|()| run.measured.finish()));
             continue;
@@ -219,6 +257,12 @@ fn measure_in_world(
             runs[place] = Some((request, run));
         }
     }
+}
+
+/// The error of a run without a folder, with the place of the formula in the file of its task.
+fn located(plan: &Plan, diverged: Diverged) -> Diverged {
+    let file = format!("{}.ron", plan.description.spec().name);
+    diverged.located_in(Path::new(&file), &plan.environment_text)
 }
 
 /// Begins runs of `queue` in the free places of a world.
@@ -315,6 +359,7 @@ fn with_defaults_except_for_learning(mut scenario: Scenario, run_seed: u64) -> S
         scene: None,
         ..RecordingSettings::default()
     };
+    scenario.name = Located::default();
     scenario.checkpoint_every = ranged_count(1);
     scenario.checkpoint_share = ranged_number(1.0);
     scenario.seed = run_seed;
@@ -345,7 +390,7 @@ pub const NO_THRESHOLD: &str = "no threshold set (`reward_threshold` or `stop: S
 fn report(summary: &Summary, options: &Options) -> RunReport {
     let last = pluralize(FINAL_WINDOW.min(summary.episodes_per_agent), "episode");
     let final_return = summary.final_return;
-    RunReport {
+    let mut report = RunReport {
         episodes_per_agent: summary.episodes_per_agent,
         env_steps: summary.env_steps,
         lines: vec![
@@ -360,6 +405,45 @@ fn report(summary: &Summary, options: &Options) -> RunReport {
             ("coverage", coverage_text(summary)),
             ("results", options.folder.path().display().to_string()),
         ],
+    };
+    let [episodes, _] = options.folder.table_files();
+    if let Some(hint) = no_signal_hint(summary, &episodes) {
+        report.lines.push(("note", hint));
+    }
+    report
+}
+
+/// Number of equal returns that are no accident.
+const MIN_EQUAL_RETURNS: usize = 20;
+
+/// What to read if all returns are the same, so that agents had nothing to learn from; `None` if they
+/// are not, or if the task is solved. `episodes`: the table of episodes
+fn no_signal_hint(summary: &Summary, episodes: &Path) -> Option<String> {
+    let mut rows = csv::Reader::from_path(episodes).ok()?.into_deserialize();
+    let first: EpisodeRow = rows.next()?.ok()?;
+    let (mut count, value) = (1_usize, first.r#return);
+    for row in rows {
+        let row: EpisodeRow = row.ok()?;
+        if row.r#return != value {
+            return None;
+        }
+        count += 1;
+    }
+    let min_count = if value == 0.0 { 2 } else { MIN_EQUAL_RETURNS };
+    let is_suspicious = count >= min_count && summary.episodes_until_solved.is_none();
+    is_suspicious.then(|| {
+        format!(
+            "all {count} returns are {value}: agents had nothing to learn from; \
+             docs/learning_problems.md says what to change"
+        )
+    })
+}
+
+fn duration_text(minutes: f64) -> String {
+    match minutes {
+        minutes if minutes < 1.5 => "a minute".to_owned(),
+        minutes if minutes < 90.0 => format!("{minutes:.0} minutes"),
+        minutes => format!("{:.0} hours", minutes / 60.0),
     }
 }
 

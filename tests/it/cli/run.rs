@@ -320,10 +320,102 @@ fn a_non_finite_reward_ends_the_run() {
     ]);
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert!(
-        stderr(&output).contains("non-finite reward (agent 0, episode 0)"),
+        stderr(&output).contains(
+            "non-finite reward (agent 0, episode 0, step 0): inf, after the observation "
+        ),
         "{}",
         stderr(&output)
     );
+}
+
+/// `log` of a number below 0 is not a number. The reward is finite as long as the cart is near the middle.
+/// The state before is kept, although no checkpoint was due, with the bits of a run that ends there.
+#[test]
+fn the_round_before_a_number_that_is_not_finite_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let task = std::fs::read_to_string("envs/cartpole.ron").unwrap();
+    let task = task.replace("reward: \"1\"", "reward: \"log(0.2 - abs(theta))\"");
+    std::fs::write(folder.path().join("absurd.ron"), &task).unwrap();
+    std::fs::write(
+        folder.path().join("scenario_of_it.ron"),
+        r#"Scenario(environment: "absurd.ron", agents: (count: 2), checkpoint_every: 100000)"#,
+    )
+    .unwrap();
+    let run = |extra: &[&str]| {
+        let scenario = path("scenario_of_it.ron");
+        seedbed(
+            &[
+                &["run", &scenario, "--no-recording", "--threads", "1"],
+                extra,
+            ]
+            .concat(),
+        )
+    };
+    let output = run(&["--out", &path("failed")]);
+    let errors = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    let line = task
+        .lines()
+        .position(|line| line.contains("reward:"))
+        .unwrap()
+        + 1;
+    let place = format!(
+        "check `reward` in {}/envs/absurd.ron:{line}:13: \"log(0.2 - abs(theta))\"\n",
+        path("failed")
+    );
+    assert!(
+        errors.contains("error: non-finite reward (agent "),
+        "{errors}"
+    );
+    assert!(
+        errors.contains("): NaN, after the observation x = "),
+        "{errors}"
+    );
+    assert!(errors.contains(&place), "{errors}");
+    assert!(errors.contains("seedbed replay "), "{errors}");
+    let episodes = std::fs::read_to_string(folder.path().join("failed/episodes.csv")).unwrap();
+    let rounds = (episodes.lines().count() - 1) / 2;
+    assert!(rounds > 0, "{errors}");
+    let stop = format!("stop=Episodes({rounds})");
+    let output = run(&["--out", &path("short"), "--set", &stop]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let evaluations = ["failed", "short"].map(|name| seedbed(&["evaluate", &path(name)]));
+    let [of_failed, of_short] = evaluations.each_ref().map(crate::util::stdout);
+    assert!(of_failed.contains("mean"), "{}", stderr(&evaluations[0]));
+    assert_eq!(of_failed, of_short);
+}
+
+/// What killed processes left is removed when the folder is locked again.
+#[test]
+fn files_of_killed_processes_are_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    assert!(small_run(&path, &["--no-recording"]).status.success());
+    std::fs::remove_file(path.join("summary.json")).unwrap();
+    let abandoned = [
+        "checkpoint/state.bin.a1B2c3.part",
+        "checkpoint/previous.bin.a1B2c3.part",
+        "summary.json.xxxxxx.part",
+        "SHA256SUMS.123456.part",
+        "policies.safetensors.abcdef.part",
+        "envs/cartpole.ron.abcdef.part",
+    ];
+    let kept = ["notes.txt.abcdef.part", "thesis.part"];
+    for name in abandoned.iter().chain(&kept) {
+        std::fs::write(path.join(name), "").unwrap();
+    }
+    let output = small_run(
+        &path,
+        &["--no-recording", "--resume", "--set", "stop=Episodes(8)"],
+    );
+    assert!(output.status.success(), "{}", stderr(&output));
+    for name in abandoned {
+        assert!(!path.join(name).exists(), "{name}");
+    }
+    for name in kept {
+        assert!(path.join(name).exists(), "{name}");
+    }
 }
 
 #[test]

@@ -35,6 +35,41 @@ struct SourceFile {
     folder: Option<PathBuf>,
 }
 
+/// A top-level field in the text of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FieldPlace<'a> {
+    /// Line, from 1.
+    pub line: usize,
+    /// Column of the value, in characters from 1.
+    pub column: usize,
+    /// Text of the value.
+    pub value: &'a str,
+}
+
+/// Where a top-level field of a file has its value or, with `entry`, a text in quotes within it. `None`
+/// if the file does not have it.
+#[must_use]
+pub fn find_field<'a>(text: &'a str, field: &str, entry: Option<&str>) -> Option<FieldPlace<'a>> {
+    let parts = FileParts::split(text)?;
+    let field = parts.fields.iter().find(|found| found.name == field)?;
+    let value = &text[field.value.clone()];
+    let (at, value) = match entry {
+        None => (0, value),
+        Some(entry) => {
+            let quoted = format!("{entry:?}");
+            let at = value.find(&quoted)?;
+            (at, &value[at..at + quoted.len()])
+        }
+    };
+    let before = &text[..field.value.start + at];
+    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+    Some(FieldPlace {
+        line: before.matches('\n').count() + 1,
+        column: before[line_start..].chars().count() + 1,
+        value: value.trim(),
+    })
+}
+
 /// A field of one of the files.
 struct FieldOfFile {
     /// Index of the file.
@@ -379,6 +414,18 @@ Environment(
         assert_eq!(third.spec().time_limit, 9);
         assert!(text.contains("terminated: \"x > 1\""), "{text}");
         assert!(!text.contains("extends"), "{text}");
+    }
+
+    #[test]
+    fn fields_have_places() {
+        let place = |field, entry| find_field(BASE_FILE_TEXT, field, entry);
+        let reward = place("reward", None).unwrap();
+        assert_eq!((reward.line, reward.column), (11, 13));
+        assert_eq!(reward.value, r#""if x > 0 { 1 } else { 0 }""#);
+        let observation = place("observations", Some("x")).unwrap();
+        assert_eq!((observation.line, observation.column), (10, 27));
+        assert_eq!(place("observations", Some("y")), None);
+        assert_eq!(place("terminated", None), None);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::agent::bonus::{BonusModel, SHARED_OWNER};
 use crate::agent::{ActScratch, Agent, AgentContext, Tensor};
+use crate::cancellation::cancellation_point;
 use crate::experience::{Episode, Experience};
 
 /// A team of independent [`Agent`]s, which all learn from the team's shared episodes.
@@ -39,7 +40,10 @@ impl IndependentLearners {
             agent_count: context.config.count.get() as usize,
             first_agent: local_agents.start as usize,
             agents: local_agents
-                .map(|agent| Box::new(build(&context.agent_context(agent))) as Box<dyn Agent>)
+                .map(|agent| {
+                    cancellation_point();
+                    Box::new(build(&context.agent_context(agent))) as Box<dyn Agent>
+                })
                 .collect(),
         })
     }

@@ -21,6 +21,7 @@ use self::vime::VimeModel;
 use super::dynamics::transitions::TransitionEncoder;
 use super::network_info::{BonusInfo, setting_text};
 use super::{AgentContext, PROBE_STEPS, Tensor};
+use crate::cancellation::cancellation_point;
 use crate::experience::{Episode, Experience};
 use crate::nn::MedianScale;
 use crate::rl::information_gain;
@@ -377,6 +378,7 @@ impl BonusModel {
         bonuses.iter_mut().for_each(Vec::clear);
         self.own_gains.clear();
         for &index in chosen_episodes {
+            cancellation_point();
             let (episode, bonuses) = (&experience.new_episodes[index], &mut bonuses[index]);
             self.compute_gains(episode, 1, &mut random, bonuses);
             if is_own(episode) {

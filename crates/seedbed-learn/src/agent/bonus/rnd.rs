@@ -8,6 +8,7 @@ use super::{BonusScale, ModelSharing};
 use crate::agent::dynamics::transitions::{Moments, Rows, Targets, TransitionEncoder};
 use crate::agent::network::{Descent, LearnedState, Network};
 use crate::agent::{AgentContext, Tensor, network_tensors};
+use crate::cancellation::cancellation_point;
 use crate::experience::Episode;
 use crate::nn::{Activations, AdamSettings, Initial, Mlp};
 use seedbed_env::TaskSpec;
@@ -134,6 +135,7 @@ impl RndModel {
             step_size_factor: 1.0,
         };
         for _ in 0..self.config.minibatches.get() {
+            cancellation_point();
             self.encoder.sample(
                 new_episodes,
                 self.config.minibatch.get() as usize,

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use self::transitions::{Moments, OutcomeUnits, Rows, Targets, TransitionEncoder};
 use super::network::Network;
 use super::{Tensor, network_tensors};
+use crate::cancellation::cancellation_point;
 use crate::experience::Episode;
 use crate::nn::bayesian::{BayesianState, PassBuffers};
 use crate::nn::{BayesianNetwork, BayesianSettings, Mlp};
@@ -123,6 +124,7 @@ impl DynamicsModel {
         }
         let weight_count = self.weight_count();
         for _ in 0..minibatches {
+            cancellation_point();
             let Workspace { rows, noise, .. } = &mut self.work;
             self.encoder.sample(episodes, minibatch, random, rows);
             fill_normal(noise, weight_count, random);
@@ -139,6 +141,7 @@ impl DynamicsModel {
     fn prediction_error(&mut self, episodes: &[&Episode]) -> f32 {
         let (mut sum, mut count) = (0.0_f64, 0_usize);
         for episode in episodes {
+            cancellation_point();
             let Workspace { rows, pass, .. } = &mut self.work;
             self.encoder.load_episode(episode, 1, rows);
             let predicted = self.network.likelihood().forward(

@@ -13,6 +13,7 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::agent::dynamics::transitions::ActionEncoding;
+use crate::cancellation::cancellation_point;
 use seedbed_env::random::Stream;
 
 /// A search for the sequence of actions with the highest return.
@@ -96,6 +97,7 @@ impl Search {
     ) {
         self.start_from(plan, buffers);
         for _ in 0..self.settings.iterations {
+            cancellation_point();
             self.draw(random, buffers);
             buffers.sequences[..plan.len()].copy_from_slice(plan);
             buffers.returns.resize(self.settings.candidates, 0.0);

@@ -8,6 +8,7 @@ use super::samples::Samples;
 use super::totals::Totals;
 use super::{SeedPgAgent, Workspace};
 use crate::agent::network::Descent;
+use crate::cancellation::cancellation_point;
 use crate::experience::{Episode, StepData};
 use crate::math;
 use crate::rl::advantage;
@@ -50,6 +51,7 @@ impl SeedPgAgent {
         earlier_ratios.iter_mut().for_each(Vec::clear);
         earlier_ratios.resize_with(new_episodes.len().max(earlier_ratios.len()), Vec::new);
         for position in 0..self.work.chosen_episodes.len() {
+            cancellation_point();
             let index = self.work.chosen_episodes[position];
             let episode = &new_episodes[index];
             if episode.agent != self.agent {
@@ -123,6 +125,7 @@ impl SeedPgAgent {
         descent: &Descent,
         totals: &mut Totals,
     ) {
+        cancellation_point();
         let [value_learns, policy_learns] = self.networks_that_learn_from(&new_episodes[index]);
         self.load_trajectory(&new_episodes[index], index);
         if value_learns {
@@ -155,6 +158,7 @@ impl SeedPgAgent {
         let mut rows = std::mem::take(&mut self.work.rows);
         shuffle_rows(&mut rows, self.work.all_policy_samples.len(), random);
         for rows in rows.chunks(size) {
+            cancellation_point();
             self.work
                 .samples
                 .gather(&self.work.all_policy_samples, rows);
@@ -163,6 +167,7 @@ impl SeedPgAgent {
         }
         shuffle_rows(&mut rows, self.work.all_value_samples.len(), random);
         for rows in rows.chunks(size) {
+            cancellation_point();
             self.work.samples.gather(&self.work.all_value_samples, rows);
             self.estimate_values();
             self.improve_value(descent, totals);
@@ -190,6 +195,7 @@ impl SeedPgAgent {
         self.work.all_policy_samples.clear();
         self.work.all_value_samples.clear();
         for position in 0..self.work.chosen_episodes.len() {
+            cancellation_point();
             let index = self.work.chosen_episodes[position];
             let [value_learns, policy_learns] = self.networks_that_learn_from(&new_episodes[index]);
             self.load_trajectory(&new_episodes[index], index);

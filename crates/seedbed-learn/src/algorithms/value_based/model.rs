@@ -12,6 +12,7 @@ use crate::agent::bonus::BonusModel;
 use crate::agent::network::{Descent, LearnedState, Network};
 use crate::agent::scaling::Scaling;
 use crate::agent::{AgentContext, Tensor, UpdateReport, ValueBuffers, network_tensors};
+use crate::cancellation::cancellation_point;
 use crate::experience::replay::Replay;
 use crate::experience::{Episode, Experience};
 use crate::math;
@@ -242,6 +243,7 @@ impl ValueModel {
             self.target_parameters
                 .copy_from_slice(self.network.parameters());
             for _ in 0..context.composition.learning.minibatches.get() {
+                cancellation_point();
                 self.descend(context, iteration > 0);
             }
         }
