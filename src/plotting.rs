@@ -1,13 +1,15 @@
 //! Helpers for figures of runs and figures of studies.
 
+use crate::record::visitation::Unplaced;
 use seedbed_env::Quantity;
 use seedbed_figure::Axis;
 
-/// The axis of a figure of states, of which these shares are below and above the display range.
+/// The axis of a figure of states, of which these shares are not drawn at their place.
 #[must_use]
-pub fn axis_with_outside(quantity: &Quantity, outside: [f64; 2]) -> Axis {
+pub fn axis_with_shares(quantity: &Quantity, unplaced: &Unplaced<f64>) -> Axis {
     Axis {
-        outside,
+        outside: [unplaced.below, unplaced.above],
+        nan: unplaced.nan,
         ..axis(quantity)
     }
 }
@@ -20,5 +22,6 @@ pub fn axis(quantity: &Quantity) -> Axis {
         unit: quantity.unit.clone(),
         range: quantity.range,
         outside: [0.0; 2],
+        nan: 0.0,
     }
 }

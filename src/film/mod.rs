@@ -10,6 +10,7 @@ use std::path::PathBuf;
 
 use crate::plotting;
 use crate::record::framing;
+use crate::record::visitation::Unplaced;
 use crate::record::{EpisodeRow, ReadError, RecordedScene, RecordedStates};
 use crate::run::Plan;
 use crate::run::review::selection::{
@@ -167,6 +168,7 @@ impl Film {
             sample_size: MAX_LINES / agent_count.clamp(1, MAX_LINES),
             axes: (0..axes.all().len()).collect(),
             pairs: Vec::new(),
+            all_axes: axes,
         };
         let selected = selection.select(recording, |_| on_episode())?;
         let returns = |agent: u32| {
@@ -176,11 +178,7 @@ impl Film {
         Ok(Self {
             settings,
             bodies: Bodies::read(&filmed, settings)?,
-            axes: axes
-                .all()
-                .iter()
-                .map(|axis| plotting::axis(&axis.quantity))
-                .collect(),
+            axes: axes_of_film(&selection, &selected),
             states: in_order_of_episodes(selected),
             returns: (0..agent_count as u32).map(returns).collect(),
             team_returns: team_returns(filmed.episodes, agent_count),
@@ -298,6 +296,20 @@ impl Film {
             ..Curves::default()
         }
     }
+}
+
+/// All axes, with the shares of states of all agents that have no place on them.
+fn axes_of_film(selection: &StateSelection, selected: &[SelectedStates]) -> Vec<Axis> {
+    let states = selected.iter().map(|agent| agent.count).sum();
+    let axes = selection.all_axes.all().iter().enumerate();
+    axes.map(|(index, axis)| {
+        let mut unplaced = Unplaced::default();
+        selected
+            .iter()
+            .for_each(|agent| unplaced += agent.unplaced[index]);
+        plotting::axis_with_shares(&axis.quantity, &unplaced.shares(states))
+    })
+    .collect()
 }
 
 /// The sampled states of all agents, in the order of episodes.

@@ -26,6 +26,13 @@ impl BonusRange {
         }
     }
 
+    /// The range of bonuses of two runs together; none unless both have bonuses.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        let max = |one: f32| Some(one.max(other.max()?));
+        self.max().and_then(max).into()
+    }
+
     /// The upper end of color scales and axes of bonuses: the largest bonus, or 1 if all bonuses
     /// are 0 because their weight is 0.
     #[must_use]

@@ -8,6 +8,7 @@
 //! images of visited states show. These modules must not depend on training.
 
 mod bonus;
+mod common_axes;
 pub(crate) mod framing;
 mod live_error;
 pub mod metrics;
@@ -35,6 +36,8 @@ use serde::{Deserialize, Serialize};
 pub use self::rerun as recording;
 use self::written::WrittenFile;
 pub use bonus::BonusRange;
+pub use common_axes::common_axes;
+pub(crate) use common_axes::{difference as difference_of_quantities, widen};
 pub use live_error::LiveError;
 pub use metrics::RoundRow;
 pub use recorded_episode::{ReadError, RecordedEpisode, RecordedScene};

@@ -67,6 +67,16 @@ impl RecordedStates {
         }
     }
 
+    /// Number of steps after which episodes are truncated or, if it is not known, length of the
+    /// longest episode.
+    #[must_use]
+    pub fn time_limit(&self) -> u32 {
+        match self {
+            Self::Recording(recording) => recording.time_limit(),
+            Self::StateFiles(files) => files.time_limit(),
+        }
+    }
+
     /// Whether agents have a bonus, and its range.
     #[must_use]
     pub fn bonus(&self) -> BonusRange {

@@ -144,6 +144,12 @@ impl Recording {
         match *self {}
     }
 
+    /// Number of steps after which episodes are truncated.
+    #[must_use]
+    pub fn time_limit(&self) -> u32 {
+        match *self {}
+    }
+
     /// Range of the intrinsic rewards, if the agents have any.
     #[must_use]
     pub fn bonus(&self) -> BonusRange {

@@ -42,7 +42,8 @@ pub struct Series {
     pub color: Color,
     /// Points (x, y) in ascending order of x.
     pub points: Vec<[f64; 2]>,
-    /// Interval around the curve: (x, low, high) in ascending order of x.
+    /// Interval around the curve: (x, low, high) in ascending order of x. Where an end is infinite, the
+    /// band is open: it extends to the edge of the panel.
     pub band: Option<Vec<[f64; 3]>>,
     /// Whether the curve is constant between points and has steps at points, like a survival curve.
     pub has_steps: bool,
@@ -236,7 +237,7 @@ impl Series {
             ]
         };
         let mut band: Vec<[f64; 3]> = Vec::new();
-        for next in self.band.iter().flatten().map(position) {
+        for next in self.closed_band(plot).iter().map(position) {
             let corner = band
                 .last()
                 .filter(|_| self.has_steps)
@@ -246,12 +247,24 @@ impl Series {
         [legend::sample_line(&line), legend::sample_band(&band)].concat()
     }
 
+    /// The band, whose open ends are at the edges of the panel.
+    fn closed_band(&self, plot: &Plot) -> Vec<[f64; 3]> {
+        let [bottom, top] = plot.y.values();
+        let closed = |&[x, low, high]: &[f64; 3]| {
+            let low = if low == f64::NEG_INFINITY {
+                bottom
+            } else {
+                low
+            };
+            let high = if high == f64::INFINITY { top } else { high };
+            [x, low, high]
+        };
+        self.band.iter().flatten().map(closed).collect()
+    }
+
     fn draw_band(&self, plot: &Plot, svg: &mut SvgWriter) {
-        for band in self
-            .band
-            .iter()
-            .flat_map(|band| band.split(|point| point.iter().any(|value| !value.is_finite())))
-        {
+        let band = self.closed_band(plot);
+        for band in band.split(|point| point.iter().any(|value| !value.is_finite())) {
             let band_edge =
                 |column: usize| self.with_steps(band.iter().map(|point| [point[0], point[column]]));
             let outline: Vec<[f64; 2]> = band_edge(1)
@@ -395,6 +408,32 @@ mod tests {
         };
         let stepped = series.with_steps([[0.0, 1.0], [2.0, 0.5]].into_iter());
         assert_eq!(stepped, [[0.0, 1.0], [2.0, 1.0], [2.0, 0.5]]);
+    }
+
+    /// On an axis from 0 to 100, an open end is at the edge of the panel.
+    #[test]
+    fn an_open_band_extends_to_the_edge() {
+        let area = Rect {
+            x: 0.0,
+            y: 0.0,
+            width: 100.0,
+            height: 100.0,
+        };
+        let [x, y] =
+            [[0.0, 100.0], [100.0, 0.0]].map(|positions| Scale::new([0.0, 100.0], positions));
+        let series = Series {
+            band: Some(vec![[0.0, 20.0, 40.0], [50.0, 30.0, f64::INFINITY]]),
+            ..Series::default()
+        };
+        let plot = Plot { area, x, y };
+        assert_eq!(
+            series.closed_band(&plot),
+            [[0.0, 20.0, 40.0], [50.0, 30.0, 100.0]]
+        );
+        let mut svg = SvgWriter::default();
+        series.draw_band(&plot, &mut svg);
+        let text = svg.into_svg(100.0, 100.0, "", "");
+        assert!(text.contains("M0 80L50 70L50 0L0 60Z"), "{text}");
     }
 
     /// A band with steps keeps its width up to its last point, a band without steps narrows before.

@@ -27,7 +27,7 @@ pub struct IntervalRow {
     /// The estimate; `None` if it does not exist, such as the median time to a goal that most runs
     /// did not reach. It is shown as `not reached`.
     pub estimate: Option<f64>,
-    /// The interval; `None` if there are too few runs. An infinite end is drawn at the edge of the
+    /// The interval; `None` if there are too few runs. An infinite end is an arrow to the edge of the
     /// plot.
     pub interval: Option<[f64; 2]>,
     /// Number of runs.
@@ -38,6 +38,9 @@ pub struct IntervalRow {
 
 /// Radius of a dot.
 const DOT_RADIUS: f64 = 4.0;
+
+/// Length of the head of an arrow.
+const ARROW_LENGTH: f64 = 8.0;
 
 /// Factor by which text may be wider in an SVG viewer that lacks the fonts of this crate.
 const FONT_WIDTH_MARGIN: f64 = 1.15;
@@ -138,22 +141,31 @@ fn clip_area_with_dots(area: &Rect) -> Rect {
 impl IntervalRow {
     fn draw(&self, scale: &Scale, area: &Rect, y: f64, svg: &mut SvgWriter) {
         if let Some([low, high]) = self.interval {
-            let position = |end: f64, edge: f64| {
-                if end.is_finite() {
-                    scale.position(end)
-                } else {
-                    edge
-                }
+            // Position and, at an open end, direction of an arrow.
+            let end = |value: f64, edge: f64, outward: f64| match value.is_finite() {
+                true => (scale.position(value), None),
+                false => (edge, Some(outward)),
             };
-            let ends = [position(low, area.x), position(high, area.right())];
-            svg.line(&[[ends[0], y], [ends[1], y]], Stroke::new(self.color, 2.0));
-            for x in ends {
-                svg.line(&[[x, y - 4.0], [x, y + 4.0]], Stroke::new(self.color, 1.5));
+            let ends = [end(low, area.x, -1.0), end(high, area.right(), 1.0)];
+            let shaft = ends.map(|(x, arrow)| [x - ARROW_LENGTH * arrow.unwrap_or(0.0), y]);
+            svg.line(&shaft, Stroke::new(self.color, 2.0));
+            for (x, arrow) in ends {
+                self.draw_end([x, y], arrow, svg);
             }
         }
         if let Some(estimate) = self.estimate.filter(|estimate| estimate.is_finite()) {
             svg.dot([scale.position(estimate), y], DOT_RADIUS, self.color, 1.0);
         }
+    }
+
+    /// Draws a cap or, at an open end, the head of an arrow.
+    fn draw_end(&self, [x, y]: [f64; 2], arrow: Option<f64>, svg: &mut SvgWriter) {
+        let Some(outward) = arrow else {
+            svg.line(&[[x, y - 4.0], [x, y + 4.0]], Stroke::new(self.color, 1.5));
+            return;
+        };
+        let base = x - ARROW_LENGTH * outward;
+        svg.polygon(&[[x, y], [base, y - 4.5], [base, y + 4.5]], self.color, 1.0);
     }
 
     /// Estimate, interval and number of runs as text, such as `127.5 [80, 134], n = 10`.
@@ -163,8 +175,12 @@ impl IntervalRow {
             .map_or("not reached".to_owned(), format_number);
         let interval = match self.interval {
             None => String::new(),
-            Some([low, high]) if high == f64::INFINITY => {
+            Some([low, high]) if low.is_infinite() && high.is_infinite() => " [open]".to_owned(),
+            Some([low, high]) if high.is_infinite() => {
                 format!(" [at least {}]", format_number(low))
+            }
+            Some([low, high]) if low.is_infinite() => {
+                format!(" [at most {}]", format_number(high))
             }
             Some([low, high]) => format!(" [{}, {}]", format_number(low), format_number(high)),
         };
@@ -193,7 +209,52 @@ mod tests {
             row(None, Some([210.0, f64::INFINITY])).numbers_text(),
             "not reached [at least 210], n = 10"
         );
+        assert_eq!(
+            row(Some(3.0), Some([f64::NEG_INFINITY, 7.0])).numbers_text(),
+            "3 [at most 7], n = 10"
+        );
         assert_eq!(row(None, None).numbers_text(), "not reached, n = 10");
         assert_eq!(row(Some(-6.0), None).numbers_text(), "−6, n = 10");
+    }
+
+    /// A closed interval has two caps, which are vertical lines. At an open end there is the head of an
+    /// arrow instead, whose tip is at the edge of the plot.
+    #[test]
+    fn an_open_end_is_an_arrow() {
+        let drawn = |interval| {
+            let row = IntervalRow {
+                name: String::new(),
+                estimate: None,
+                interval: Some(interval),
+                n: 10,
+                color: [0; 3],
+            };
+            let area = Rect {
+                x: 0.0,
+                y: 0.0,
+                width: 100.0,
+                height: 20.0,
+            };
+            let scale = Scale::new([0.0, 200.0], [0.0, 100.0]);
+            let mut svg = SvgWriter::default();
+            row.draw(&scale, &area, 10.0, &mut svg);
+            svg.into_svg(100.0, 20.0, "", "")
+        };
+        let cap = |x: f64| format!("M{x} 6L{x} 14");
+        let [right, left] = ["M100 10L92 5.5L92 14.5", "M0 10L8 5.5L8 14.5"];
+        let closed = drawn([40.0, 100.0]);
+        assert!(closed.contains(&cap(20.0)) && closed.contains(&cap(50.0)));
+        assert!(!closed.contains(right) && !closed.contains(left));
+        let at_least = drawn([40.0, f64::INFINITY]);
+        assert!(at_least.contains(&cap(20.0)), "{at_least}");
+        assert!(
+            at_least.contains(right) && !at_least.contains(&cap(100.0)),
+            "{at_least}"
+        );
+        let at_most = drawn([f64::NEG_INFINITY, 100.0]);
+        assert!(
+            at_most.contains(left) && !at_most.contains(&cap(0.0)),
+            "{at_most}"
+        );
     }
 }

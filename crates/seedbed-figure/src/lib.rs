@@ -85,6 +85,9 @@ pub struct Axis {
     /// Shares of the drawn values that are below and above the range, 0 to 1; marked at the ends of
     /// axes of parallel coordinates.
     pub outside: [f64; 2],
+    /// Share of the values that are not a number (NaN), 0 to 1. They have no place on the axis, so that
+    /// they are not drawn; the share is written at the axis.
+    pub nan: f64,
 }
 
 /// Rows of panels on a white page. Lengths are CSS pixels, 1/96 inch.

@@ -177,6 +177,7 @@ mod tests {
     fn axis(name: &str) -> Axis {
         Axis {
             outside: [0.0; 2],
+            nan: 0.0,
             name: name.to_owned(),
             unit: "m/s".to_owned(),
             range: [-1.0, 1.0],

@@ -2,6 +2,7 @@
 
 use super::color::{Color, count_color};
 use super::frame::{Frame, Plot};
+use super::parallel::percent;
 use super::pixels;
 use super::svg::{Rect, SvgWriter};
 use crate::Axis;
@@ -22,7 +23,8 @@ pub struct Scatter {
 /// One point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScatterPoint {
-    /// Position (x, y). Values outside the range of an axis are drawn at its end.
+    /// Position (x, y). Values outside the range of an axis are drawn at its end; a point with a NaN is
+    /// not drawn.
     pub position: [f32; 2],
     /// Color.
     pub color: Color,
@@ -53,7 +55,8 @@ impl Scatter {
         } else {
             (2.2, 0.7)
         };
-        for point in &self.points {
+        let is_nan = |point: &&ScatterPoint| point.position.iter().any(|value| value.is_nan());
+        for point in self.points.iter().filter(|point| !is_nan(point)) {
             let within = |value: f32, [low, high]: [f32; 2]| f64::from(value.clamp(low, high));
             let position = plot.position([
                 within(point.position[0], self.x.range),
@@ -84,8 +87,8 @@ impl HeatMap {
 fn draw_frame(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter) -> Plot {
     let frame = Frame {
         title,
-        x_label: &axis_label(x),
-        y_label: &axis_label(y),
+        x_label: &axis_label_with_shares(x),
+        y_label: &axis_label_with_shares(y),
         x_range: x.range.map(f64::from),
         y_range: y.range.map(f64::from),
         x_ticks: &[],
@@ -93,6 +96,22 @@ fn draw_frame(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter
         has_grid: false,
     };
     frame.draw(panel, svg)
+}
+
+/// Name and unit of an axis, with the shares of values that are not drawn at their place, such as
+/// `angle [rad] (NaN 30 %, outside 2 %)`.
+fn axis_label_with_shares(axis: &Axis) -> String {
+    let outside = axis.outside.iter().sum();
+    let shares: Vec<String> = [("NaN", axis.nan), ("outside", outside)]
+        .into_iter()
+        .filter(|(_, share)| *share > 0.0)
+        .map(|(name, share)| format!("{name} {}", percent(share)))
+        .collect();
+    if shares.is_empty() {
+        axis_label(axis)
+    } else {
+        format!("{} ({})", axis_label(axis), shares.join(", "))
+    }
 }
 
 /// Name and unit of an axis, such as `angle [rad]`.

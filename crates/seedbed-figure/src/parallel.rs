@@ -34,7 +34,8 @@ pub enum States {
 /// One state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StateLine {
-    /// Position on each axis, from 0 (lower end) to 1 (upper end): `[axes]`.
+    /// Position on each axis, from 0 (lower end) to 1 (upper end): `[axes]`. The line has a gap where a
+    /// position is NaN.
     pub axis_positions: Vec<f32>,
     /// Color.
     pub color: Color,
@@ -63,15 +64,19 @@ const MIN_TICK_DISTANCE: f64 = 8.0;
 const MARK_HEIGHT: f64 = 9.0;
 const MARK_COLOR: Color = [178, 40, 0];
 
+/// Height of the line of text with the shares of NaN.
+const NAN_HEIGHT: f64 = 12.0;
+
 impl ParallelCoordinates {
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
         let staggered = self.must_stagger_names(panel);
         let names_height = if staggered { 30.0 } else { 15.0 };
         let side_margin = (0.5 * panel.width / self.axes.len().max(1) as f64).min(46.0);
+        let has_nan = self.axes.iter().any(|axis| axis.nan > 0.0);
         let area = panel.inset([
             TITLE_HEIGHT + names_height + 17.0,
             side_margin,
-            22.0,
+            if has_nan { 22.0 + NAN_HEIGHT } else { 22.0 },
             side_margin,
         ]);
         draw_title(&self.title, panel, panel.x + 4.0, svg);
@@ -87,6 +92,7 @@ impl ParallelCoordinates {
             self.draw_range(axis, x, &area, svg);
             self.draw_ticks(axis, x, &area, svg);
             self.draw_outside(axis, x, &area, svg);
+            draw_nan(axis, [x, area.bottom() + 14.0 + NAN_HEIGHT], svg);
             let y = area.y - if is_raised { 35.0 } else { 20.0 };
             draw_name(
                 axis,
@@ -143,7 +149,7 @@ impl ParallelCoordinates {
                 MARK_COLOR,
                 1.0,
             );
-            let text = format!("{} %", format_significant(100.0 * share, 1));
+            let text = percent(share);
             if text_width(&text, MARK_HEIGHT, Weight::Regular) + 16.0 <= gap {
                 let middle = f64::midpoint(tip, base);
                 svg.text([x + 13.0, middle + 3.0], &text, style);
@@ -207,14 +213,32 @@ fn draw_lines(lines: &[StateLine], area: &Rect, svg: &mut SvgWriter) {
             .enumerate()
             .map(position)
             .collect();
-        svg.line(
-            &positions,
-            Stroke {
-                opacity,
-                ..Stroke::new(line.color, 0.7)
-            },
-        );
+        let stroke = Stroke {
+            opacity,
+            ..Stroke::new(line.color, 0.7)
+        };
+        for part in positions.split(|[_, y]| y.is_nan()) {
+            match part {
+                [] => {}
+                // Between two gaps: a short line through the axis.
+                [[x, y]] => svg.line(&[[x - 3.0, *y], [x + 3.0, *y]], stroke),
+                _ => svg.line(part, stroke),
+            }
+        }
     }
+}
+
+/// Writes the share of NaN below an axis.
+fn draw_nan(axis: &Axis, position: [f64; 2], svg: &mut SvgWriter) {
+    if axis.nan > 0.0 {
+        let style = TextStyle::new(TICK_SIZE, Anchor::Middle).color(MARK_COLOR);
+        svg.text(position, &format!("NaN {}", percent(axis.nan)), style);
+    }
+}
+
+/// A share in percent, such as `30 %`.
+pub(super) fn percent(share: f64) -> String {
+    format!("{} %", format_significant(100.0 * share, 1))
 }
 
 /// A number from −1 to 1 for each pixel between the first and the last axis, in the colors of

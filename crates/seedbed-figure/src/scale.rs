@@ -25,6 +25,11 @@ impl Scale {
         }
     }
 
+    /// Values at both ends.
+    pub(super) fn values(&self) -> [f64; 2] {
+        self.values
+    }
+
     pub(super) fn position(&self, value: f64) -> f64 {
         let [from, to] = self.positions;
         let [value, low, high] = [value, self.values[0], self.values[1]]

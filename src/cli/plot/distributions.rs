@@ -173,6 +173,7 @@ fn correlated(correlation: f64, random: &mut Stream) -> [f64; 2] {
 fn axis(name: &str) -> Axis {
     Axis {
         outside: [0.0; 2],
+        nan: 0.0,
         name: name.to_owned(),
         unit: String::new(),
         range: RANGE,

@@ -15,8 +15,8 @@ use self::distributions::Distribution;
 use self::page::PlotPage;
 use super::progress::ReadCounter;
 use super::{CliError, open_run, pluralize};
-use seedbed::record::RecordedStates;
 use seedbed::record::visitation::Axes;
+use seedbed::record::{RecordedStates, common_axes};
 use seedbed::run::files;
 use seedbed::run::folder::run_folder;
 use seedbed::run::review::condition::Condition;
@@ -136,7 +136,7 @@ struct PlottedRun {
     /// Name of the run in the figure.
     label: String,
     loaded_run: LoadedRun,
-    /// Axes of the recording; `None` without a recording.
+    /// Axes on which the states of all runs are drawn; `None` if no part shows states.
     axes: Option<Axes>,
     /// Selected states of each agent; empty if no part shows states.
     states: Vec<SelectedStates>,
@@ -200,10 +200,18 @@ fn is_png(out: &Path) -> Result<bool, CliError> {
 
 fn read_runs(args: &PlotArgs) -> Result<Vec<PlottedRun>, CliError> {
     let counter = ReadCounter::new("episodes read");
-    let mut runs: Vec<PlottedRun> = args
+    let opened: Vec<LoadedRun> = args
         .runs
         .iter()
-        .map(|path| read_run(args, path, &counter))
+        .map(|path| open_run(path))
+        .collect::<Result<_, _>>()?;
+    let axes = args
+        .shows_states()
+        .then(|| axes_of_all(&opened))
+        .transpose()?;
+    let mut runs: Vec<PlottedRun> = opened
+        .into_iter()
+        .map(|run| read_run(args, run, axes.as_ref(), &counter))
         .collect::<Result<_, _>>()?;
     let names: Vec<String> = runs.iter().map(|run| run.label.clone()).collect();
     for run in &mut runs {
@@ -215,8 +223,38 @@ fn read_runs(args: &PlotArgs) -> Result<Vec<PlottedRun>, CliError> {
     Ok(runs)
 }
 
-fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<PlottedRun, CliError> {
-    let mut loaded_run = open_run(path)?;
+/// The axes on which the states of all runs are drawn.
+fn axes_of_all(runs: &[LoadedRun]) -> Result<Axes, CliError> {
+    let recording = |run| -> Result<_, CliError> { Ok((path_text(run), recording_of(run)?)) };
+    let recordings = runs.iter().map(recording).collect::<Result<Vec<_>, _>>()?;
+    common_axes(&recordings).map_err(|reason| {
+        CliError::Usage(format!(
+            "{reason}, or only what has no axes: --what returns,curves"
+        ))
+    })
+}
+
+/// The recording of a run; an error if there is none, because states are to be drawn.
+fn recording_of(run: &LoadedRun) -> Result<&RecordedStates, CliError> {
+    run.recording.as_ref().ok_or_else(|| {
+        let advice = "use --what returns,curves, which needs only the tables";
+        CliError::Usage(format!(
+            "{} has no recording, which is needed to draw states; {advice}",
+            path_text(run)
+        ))
+    })
+}
+
+fn path_text(run: &LoadedRun) -> String {
+    run.path.display().to_string()
+}
+
+fn read_run(
+    args: &PlotArgs,
+    mut loaded_run: LoadedRun,
+    axes: Option<&Axes>,
+    counter: &ReadCounter,
+) -> Result<PlottedRun, CliError> {
     if loaded_run.folder.is_none() {
         // Without tables, the returns are taken from the recording.
         loaded_run
@@ -228,12 +266,11 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
         let last = agent_count.saturating_sub(1);
         return Err(CliError::Usage(format!(
             "--agents: no agent {agent} in {}; expected 0 to {last}",
-            path.display()
+            path_text(&loaded_run)
         )));
     }
-    let axes = loaded_run.recording.as_ref().map(RecordedStates::axes);
-    let states = match (&loaded_run.recording, &axes) {
-        (Some(recording), Some(axes)) if args.shows_states() => {
+    let states = match (&loaded_run.recording, axes) {
+        (Some(recording), Some(axes)) => {
             let selection = args.state_selection(recording, axes)?;
             selection
                 .select(recording, |_| counter.count())
@@ -241,7 +278,7 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
         }
         _ => Vec::new(),
     };
-    let team = match (&loaded_run.recording, &axes) {
+    let team = match (&loaded_run.recording, axes) {
         (Some(recording), Some(axes)) if args.compares_agents_with_team() => {
             let mut selection = args.state_selection(recording, axes)?;
             selection.episodes.agents.clear();
@@ -255,7 +292,7 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
     Ok(PlottedRun {
         label: loaded_run.name(),
         loaded_run,
-        axes,
+        axes: axes.cloned(),
         states,
         team,
     })
@@ -334,6 +371,7 @@ impl PlotArgs {
         recording: &RecordedStates,
         axes: &Axes,
     ) -> Result<StateSelection, CliError> {
+        let all_axes = axes.clone();
         let axes = self.axis_indices(axes)?;
         Ok(StateSelection {
             episodes: EpisodeSelection {
@@ -344,6 +382,7 @@ impl PlotArgs {
             sample_size: self.lines as usize,
             pairs: states::axis_pairs(&axes),
             axes,
+            all_axes,
         })
     }
 }

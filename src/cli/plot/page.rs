@@ -56,13 +56,6 @@ impl PlotPage<'_> {
     fn check_data(&self) -> Result<(), CliError> {
         let path_text = |run: &PlottedRun| run.loaded_run.path.display().to_string();
         for run in self.runs {
-            if self.args.shows_states() && run.loaded_run.recording.is_none() {
-                let advice = "use --what returns,curves, which needs only the tables";
-                return Err(CliError::Usage(format!(
-                    "{} has no recording, which is needed to draw states; {advice}",
-                    path_text(run)
-                )));
-            }
             if self.args.shows_states() && run.states.is_empty() {
                 return Err(CliError::Usage(format!(
                     "{} has no episodes that match --agents and --episodes",

@@ -1,15 +1,15 @@
 //! Panels of visited states: parallel coordinates and pairs of axes.
 
 use super::{ColorBy, PlotArgs, PlottedRun};
-use seedbed::plotting::{axis, axis_with_outside};
-use seedbed::record::visitation::share_difference;
+use seedbed::plotting::axis_with_shares;
+use seedbed::record::visitation::{Unplaced, share_difference};
 use seedbed::run::review::selection::{GRID_CELLS, SelectedState, SelectedStates, is_sampled};
 use seedbed_env::{Quantity, Status};
 use seedbed_figure::color::{
     AGENT_COLORS, OTHERS_COLOR, agent_color, categorical_color, sequential_color,
 };
 use seedbed_figure::{
-    Color, DensityImage, DifferenceImage, HeatMap, Key, Panel, ParallelCoordinates, Scatter,
+    Axis, Color, DensityImage, DifferenceImage, HeatMap, Key, Panel, ParallelCoordinates, Scatter,
     ScatterPoint, StateLine, States,
 };
 
@@ -114,10 +114,13 @@ pub(super) fn differences(
 ) -> (Vec<Panel>, Key) {
     let width = reference.width(args);
     let of_reference = reference.pixels();
-    let images: Vec<(Vec<f32>, f32)> = groups
-        .iter()
-        .map(|group| share_difference(&group.pixels(), &of_reference, width))
-        .collect();
+    let difference = |group: &StateGroup<'_>| {
+        share_difference(
+            (&group.pixels(), group.state_count()),
+            (&of_reference, reference.state_count()),
+        )
+    };
+    let images: Vec<(Vec<f32>, f32)> = groups.iter().map(difference).collect();
     let max = images.iter().map(|(_, max)| *max).fold(0.0, f32::max);
     let panel = |(group, (mut pixels, own_max)): (&StateGroup<'_>, (Vec<f32>, f32))| {
         // From the scale of this image to the common one.
@@ -161,7 +164,7 @@ pub(super) fn scatter(args: &PlotArgs, groups: &[StateGroup<'_>]) -> (Vec<Panel>
             let counts = grids
                 [pair * GRID_CELLS * GRID_CELLS..(pair + 1) * GRID_CELLS * GRID_CELLS]
                 .to_vec();
-            group.heat_map_panel(pairs[pair], counts, max_count)
+            group.heat_map_panel(args, pairs[pair], counts, max_count)
         };
         let panels = (0..pairs.len())
             .flat_map(|pair| groups.iter().zip(&grids).map(move |drawn| (pair, drawn)));
@@ -202,7 +205,7 @@ fn scale_to_largest(groups: &[StateGroup<'_>], counts: Vec<Vec<u32>>) -> Vec<Vec
         if count == 0 {
             0
         } else {
-            (u64::from(count) * max_states / group_states)
+            ((u64::from(count) * max_states + group_states / 2) / group_states)
                 .max(1)
                 .try_into()
                 .unwrap_or(u32::MAX)
@@ -340,9 +343,7 @@ impl<'a> StateGroup<'a> {
     fn parallel_coordinates(&self, args: &PlotArgs, states: States, title: String) -> Panel {
         let axes = self.axis_indices(args).into_iter().enumerate();
         let axes = axes
-            .map(|(position, index)| {
-                axis_with_outside(&self.quantity(index), self.outside(position))
-            })
+            .map(|(position, index)| self.axis(position, index))
             .collect();
         Panel::ParallelCoordinates(ParallelCoordinates {
             title,
@@ -351,13 +352,21 @@ impl<'a> StateGroup<'a> {
         })
     }
 
-    /// Shares of states below and above the range of a selected axis, over all agents of the group.
-    fn outside(&self, axis: usize) -> [f64; 2] {
-        let states = self.state_count().max(1) as f64;
-        [0, 1].map(|end| {
-            let counts = self.agents.iter().map(|agent| agent.outside[axis][end]);
-            counts.sum::<u64>() as f64 / states
-        })
+    /// The axis at `position` among the selected axes, which is `index` among all axes, with the shares of
+    /// states of all agents of the group that have no place on it.
+    fn axis(&self, position: usize, index: usize) -> Axis {
+        let mut unplaced = Unplaced::default();
+        for agent in &self.agents {
+            unplaced += agent.unplaced[position];
+        }
+        axis_with_shares(&self.quantity(index), &unplaced.shares(self.state_count()))
+    }
+
+    /// The axes of a pair of indices among all axes.
+    fn axes_of_pair(&self, args: &PlotArgs, pair: [usize; 2]) -> [Axis; 2] {
+        let selected = self.axis_indices(args);
+        let position = |index: usize| selected.iter().position(|other| *other == index);
+        pair.map(|index| self.axis(position(index).unwrap_or_default(), index))
     }
 
     /// Number of lines per pixel, over all agents of the group.
@@ -385,16 +394,18 @@ impl<'a> StateGroup<'a> {
         sum
     }
 
-    fn heat_map_panel(&self, [x, y]: [usize; 2], counts: Vec<u32>, max_count: u32) -> Panel {
-        let (title, x, y) = (
-            format!("{}: {}", self.title, self.state_count_text()),
-            self.quantity(x),
-            self.quantity(y),
-        );
+    fn heat_map_panel(
+        &self,
+        args: &PlotArgs,
+        pair: [usize; 2],
+        counts: Vec<u32>,
+        max_count: u32,
+    ) -> Panel {
+        let [x, y] = self.axes_of_pair(args, pair);
         Panel::HeatMap(HeatMap {
-            title,
-            x: axis(&x),
-            y: axis(&y),
+            title: format!("{}: {}", self.title, self.state_count_text()),
+            x,
+            y,
             counts,
             columns: GRID_CELLS,
             max_count,
@@ -402,10 +413,9 @@ impl<'a> StateGroup<'a> {
     }
 
     fn scatter_panel(&self, args: &PlotArgs, [x, y]: [usize; 2], colors: &StateColors) -> Panel {
-        let (x_axis, y_axis) = (self.quantity(x), self.quantity(y));
-        let axis_value = |axis: &Quantity, fraction: f32| {
-            axis.range[0] + fraction * (axis.range[1] - axis.range[0])
-        };
+        let [x_axis, y_axis] = self.axes_of_pair(args, [x, y]);
+        let axis_value =
+            |axis: &Axis, fraction: f32| axis.range[0] + fraction * (axis.range[1] - axis.range[0]);
         let point = |(agent, state): (u32, &SelectedState)| ScatterPoint {
             position: [
                 axis_value(&x_axis, state.axis_positions[x]),
@@ -416,8 +426,8 @@ impl<'a> StateGroup<'a> {
         let points = self.sample(args).into_iter().map(point).collect();
         Panel::Scatter(Scatter {
             title: format!("{}: {}", self.title, self.sample_size_text(args)),
-            x: axis(&x_axis),
-            y: axis(&y_axis),
+            x: x_axis,
+            y: y_axis,
             points,
         })
     }

@@ -21,7 +21,7 @@ use super::samples::VisitationStyle;
 use crate::record::Difference;
 use crate::record::visitation::{
     AXIS_HEIGHT, AgentVisits, Axes, BonusMap, CELLS_PER_SIDE, MIN_BRIGHTNESS, Pairs,
-    brightness_of_pixels, most_different, share_difference,
+    brightness_of_pixels, line_count, most_different, share_difference,
 };
 use seedbed_figure::color::dark::{diverging_color, sequential_color};
 
@@ -137,7 +137,10 @@ impl ImageWriter {
             Difference::MostDifferent => most_different(densities, width),
         };
         let Some((one, other)) = agents else { return };
-        let (differences, max) = share_difference(densities[one], densities[other], width);
+        let (differences, max) = share_difference(
+            (densities[one], line_count(densities[one], width)),
+            (densities[other], line_count(densities[other], width)),
+        );
         self.difference
             .push(difference_pixels(&differences), moment);
         let end = format!("+{:.2} %", 100.0 * max);

@@ -70,6 +70,12 @@ impl Recording {
         &self.quantities.actions
     }
 
+    /// Number of steps after which episodes are truncated.
+    #[must_use]
+    pub fn time_limit(&self) -> u32 {
+        self.quantities.time_limit
+    }
+
     /// Whether agents have a bonus, and its range.
     #[must_use]
     pub fn bonus(&self) -> BonusRange {

@@ -87,14 +87,20 @@ impl VisitationStyle {
             sample_states(sampled.len(), counts.of_team.min(sampled.len()), random);
         let (mut axis_positions, mut remaining) =
             (Vec::new(), sampled.iter().enumerate().peekable());
+        let (mut drawn_of_agent, mut drawn_of_team) = (0, 0);
         let visited = VisitedState::of_episode(episode, step_data).take(states);
         for (step, state) in visited.enumerate() {
             self.axes.project(&state, &mut axis_positions);
             visits.add(&axis_positions, &self.pairs, &state);
             if let Some((index, _)) = remaining.next_if(|(_, sampled)| **sampled == step) {
+                if axis_positions.iter().any(|position| position.is_nan()) {
+                    continue; // NaN has no place, and the viewer draws no line through it
+                }
+                drawn_of_agent += 1;
                 let color = self.coloring.color(episode, &state);
                 agent_writer.draw(self, &state, &axis_positions, color);
                 if sampled_for_team.binary_search(&index).is_ok() {
+                    drawn_of_team += 1;
                     team_writer.draw(
                         self,
                         &state,
@@ -104,9 +110,9 @@ impl VisitationStyle {
                 }
             }
         }
-        agent_writer.end_episode(sampled.len(), end);
-        if !sampled_for_team.is_empty() {
-            team_writer.end_episode(sampled_for_team.len(), end);
+        agent_writer.end_episode(drawn_of_agent, end);
+        if drawn_of_team > 0 {
+            team_writer.end_episode(drawn_of_team, end);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Parallel coordinates: the position of a state on each axis.
 
-use super::{BINS, clamped, fraction};
+use super::{BINS, Unplaced, clamped, fraction};
 use crate::record::{AxisChoice, BonusRange};
 use seedbed_env::{Choice, Quantity, TaskSpec};
 use seedbed_learn::experience::{Episode, StepData};
@@ -214,7 +214,7 @@ impl Axes {
     }
 
     /// Writes the positions of a state on the axes into `axis_positions`: `[axes]`, from 0 (lower end)
-    /// to 1 (upper end). Values outside the range of an axis are clamped to its ends.
+    /// to 1 (upper end). Values outside the range of an axis are clamped to its ends; NaN stays NaN.
     pub fn project(&self, state: &VisitedState<'_>, axis_positions: &mut Vec<f32>) {
         let (leading, others) = self.left_to_right.split_at(self.leading_observations);
         axis_positions.clear();
@@ -227,12 +227,10 @@ impl Axes {
         }
     }
 
-    /// Counts a state on each axis below or above whose range its value is. `counts: [axes]`
-    pub fn count_outside(&self, state: &VisitedState<'_>, counts: &mut [[u64; 2]]) {
-        for (axis, [below, above]) in self.left_to_right.iter().zip(counts) {
-            let (value, [low, high]) = (axis.value(state), axis.quantity.range);
-            *below += u64::from(value < low);
-            *above += u64::from(value > high);
+    /// Counts a state on each axis that cannot show its value at its place. `counts: [axes]`
+    pub fn count_unplaced(&self, state: &VisitedState<'_>, counts: &mut [Unplaced]) {
+        for (axis, counts) in self.left_to_right.iter().zip(counts) {
+            counts.count(axis.value(state), axis.quantity.range);
         }
     }
 
@@ -422,9 +420,11 @@ pub(super) mod tests {
             BonusRange::None,
         );
         assert_eq!(
-            projected(&axes, &state_at(0, &[-7.0, f32::INFINITY, f32::NAN])),
-            [0.0, 1.0, 0.0]
+            projected(&axes, &state_at(0, &[-7.0, f32::INFINITY, -0.5])),
+            [0.0, 1.0, 0.25]
         );
+        let with_nan = projected(&axes, &state_at(0, &[0.0, f32::NAN, f32::NEG_INFINITY]));
+        assert!(with_nan[1].is_nan() && [with_nan[0], with_nan[2]] == [0.5, 0.0]);
     }
 
     #[test]
@@ -434,11 +434,12 @@ pub(super) mod tests {
             &OBSERVATIONS_AND_BONUS,
             BonusRange::None,
         );
-        let mut counts = [[0; 2]; 3];
+        let mut counts = [Unplaced::default(); 3];
         for observation in [[-7.0, f32::INFINITY, f32::NAN], [-1.0, 1.0, -1.5]] {
-            axes.count_outside(&state_at(0, &observation), &mut counts);
+            axes.count_unplaced(&state_at(0, &observation), &mut counts);
         }
-        assert_eq!(counts, [[1, 0], [0, 1], [1, 0]]);
+        let counts = counts.map(|counts| [counts.below, counts.above, counts.nan]);
+        assert_eq!(counts, [[1, 0, 0], [0, 1, 0], [1, 0, 1]]);
     }
 
     #[test]

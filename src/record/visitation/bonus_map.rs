@@ -59,7 +59,7 @@ impl BonusMap {
         self.counts.len()
     }
 
-    /// Indices of the cells in which a state lies, one per panel.
+    /// Indices of the cells in which a state lies: one per panel, except those where it has a NaN.
     pub fn cells_of(pairs: &Pairs, state: &VisitedState<'_>) -> impl Iterator<Item = u32> {
         let cell = |(panel, [column_fraction, row_fraction]): (usize, [f32; 2])| {
             (panel * CELLS_PER_SIDE + row(row_fraction)) * CELLS_PER_SIDE + column(column_fraction)
@@ -67,6 +67,7 @@ impl BonusMap {
         pairs
             .project(state)
             .enumerate()
+            .filter(|(_, fractions)| !fractions.iter().any(|fraction| fraction.is_nan()))
             .map(move |place| cell(place) as u32)
     }
 

@@ -39,7 +39,7 @@ impl Coloring {
     /// The color of a state; `None` if states have the color of their agent.
     #[must_use]
     pub fn color(&self, episode: &Episode, state: &VisitedState<'_>) -> Option<[u8; 3]> {
-        let scaled = |value: f32| Some(sequential_color(fraction(value, self.range)));
+        let scaled = |value: f32| Some(sequential_color(fraction(value, self.range).max(0.0)));
         match self.color_by {
             ColorBy::Agent => None,
             ColorBy::Episode => scaled(episode.episode as f32),

@@ -92,13 +92,15 @@ impl Density {
             && self.pixels.len() == axes.width() * AXIS_HEIGHT
     }
 
-    /// Counts one projected state.
+    /// Counts one projected state. Between two axes on one of which it is NaN, it has no line.
     pub fn add(&mut self, axis_positions: &[f32]) {
         self.counts.resize(self.cell_count(), 0);
         let mut bins = axis_positions.iter().map(|position| bin(*position));
         let Some(mut left) = bins.next() else { return };
         for (pair, right) in bins.enumerate() {
-            self.count((pair * BINS + left) * BINS + right, 1);
+            if let (Some(left), Some(right)) = (left, right) {
+                self.count((pair * BINS + left) * BINS + right, 1);
+            }
             left = right;
         }
     }
@@ -194,8 +196,9 @@ impl Density {
     }
 }
 
-fn bin(fraction: f32) -> usize {
-    ((fraction * BINS as f32) as usize).min(BINS - 1)
+/// `None` for NaN.
+fn bin(fraction: f32) -> Option<usize> {
+    (!fraction.is_nan()).then(|| ((fraction * BINS as f32) as usize).min(BINS - 1))
 }
 
 /// The row of pixels of a bin. Bin 0 is the lowest row.
@@ -272,6 +275,22 @@ mod tests {
             (vec![63], vec![32], vec![0])
         );
         assert_eq!(pixels.iter().sum::<u32>() as usize, width);
+    }
+
+    /// Two states on three axes, of which one is NaN on the first and one on the last: each has a line
+    /// between the two other axes only.
+    #[test]
+    fn a_state_has_no_line_to_an_axis_where_it_is_nan() {
+        let axes = axes(3);
+        let mut density = Density::new(&axes);
+        density.add(&[f32::NAN, 0.0, 0.0]);
+        density.add(&[1.0, 1.0, f32::NAN]);
+        let width = axes.width();
+        let pixels = density.draw_all();
+        let lines_in_column =
+            |column: usize| -> u32 { pixels.iter().skip(column).step_by(width).sum() };
+        assert_eq!([0, 95, 96, 192].map(lines_in_column), [1; 4]);
+        assert_eq!([pixels[0], pixels[64 * width - 1]], [1, 1]);
     }
 
     #[test]

@@ -8,15 +8,21 @@
 /// most.
 const COLUMN_STRIDE: usize = 8;
 
-/// For each pixel, the difference d between the share of the lines of `one` and the share of the
-/// lines of `other` that cross it.
+/// For each pixel, the difference d between the share of the states of `one` whose lines cross it, and
+/// the share of the states of `other`. Both were drawn on the same axes.
 ///
-/// `one`, `other`: number of lines over each pixel, `[height × width]`. Returns sign(d) √(|d| / D)
-/// for each pixel, from −1 to 1, and D, the largest |d|.
+/// `one`, `other`: number of lines over each pixel, `[height × width]`, and number of states. Returns
+/// sign(d) √(|d| / D) for each pixel, from −1 to 1, and D, the largest |d|.
 #[must_use]
-pub fn share_difference(one: &[u32], other: &[u32], width: usize) -> (Vec<f32>, f32) {
-    let share_per_line = |pixels: &[u32]| 1.0 / (line_count(pixels, width) as f32).max(1.0);
-    let (weight_of_one, weight_of_other) = (share_per_line(one), share_per_line(other));
+pub fn share_difference(
+    (one, states_of_one): (&[u32], u64),
+    (other, states_of_other): (&[u32], u64),
+) -> (Vec<f32>, f32) {
+    let share_per_line = |states: u64| 1.0 / (states as f32).max(1.0);
+    let (weight_of_one, weight_of_other) = (
+        share_per_line(states_of_one),
+        share_per_line(states_of_other),
+    );
     let differences: Vec<f32> = one
         .iter()
         .zip(other)
@@ -114,8 +120,10 @@ fn column_shares(pixels: &[u32], width: usize) -> Vec<f32> {
         .collect()
 }
 
-/// Total number of lines: every line crosses the first column of pixels exactly once.
-fn line_count(pixels: &[u32], width: usize) -> u64 {
+/// Total number of lines of states that have one from the first axis on: each crosses the first column
+/// of pixels exactly once.
+#[must_use]
+pub fn line_count(pixels: &[u32], width: usize) -> u64 {
     pixels
         .iter()
         .step_by(width)
@@ -132,22 +140,25 @@ mod tests {
     #[test]
     fn agents_are_compared_by_shares_of_their_lines() {
         let (one, other) = ([1, 2, 3, 3, 2, 1], [2, 1, 0, 0, 1, 2]);
+        let difference = |one: &[u32], other: &[u32], width| {
+            share_difference(
+                (one, line_count(one, width)),
+                (other, line_count(other, width)),
+            )
+        };
         assert_eq!(
-            share_difference(&one, &other, 3),
+            difference(&one, &other, 3),
             (vec![-1.0, 0.0, 1.0, 1.0, 0.0, -1.0], 0.75)
         );
-        assert_eq!(
-            share_difference(&[4, 0], &[3, 1], 1),
-            (vec![1.0, -1.0], 0.25)
-        );
-        assert_eq!(share_difference(&[0, 0], &[0, 0], 1), (vec![0.0, 0.0], 0.0));
+        assert_eq!(difference(&[4, 0], &[3, 1], 1), (vec![1.0, -1.0], 0.25));
+        assert_eq!(difference(&[0, 0], &[0, 0], 1), (vec![0.0, 0.0], 0.0));
     }
 
     /// The difference 0.0625 is a quarter of the largest difference, 0.25, so its value on the
     /// square-root scale is ½.
     #[test]
     fn differences_have_a_square_root_scale() {
-        let (scaled, largest) = share_difference(&[8, 3, 5], &[4, 4, 8], 1);
+        let (scaled, largest) = share_difference((&[8, 3, 5], 16), (&[4, 4, 8], 16));
         assert_eq!(
             (scaled, largest),
             (vec![1.0, -0.5, -(0.1875_f32 / 0.25).sqrt()], 0.25)

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::condition::Condition;
-use crate::record::visitation::{Axes, Density, VisitedState};
+use crate::record::visitation::{Axes, Density, Unplaced, VisitedState};
 use crate::record::{ReadError, RecordedEpisode, RecordedStates};
 use seedbed_env::Status;
 
@@ -56,6 +56,8 @@ pub struct StateSelection {
     pub conditions: Vec<Condition>,
     /// Maximum number of states per agent in the sample.
     pub sample_size: usize,
+    /// All axes: those of the recording, or common ones of several recordings.
+    pub all_axes: Axes,
     /// Indices of the axes to project on, from left to right.
     pub axes: Vec<usize>,
     /// Indices of the pairs of axes over which visits are counted.
@@ -72,12 +74,12 @@ pub struct SelectedStates {
     pub agent: u32,
     /// Number of selected states.
     pub count: u64,
-    /// Number of selected states whose value is below and above the range of each selected axis.
-    pub outside: Vec<[u64; 2]>,
+    /// Numbers of selected states that each selected axis cannot show at their place.
+    pub unplaced: Vec<Unplaced>,
     /// Number of lines per pixel, over all selected states.
     pub density: Density,
     /// Number of states per cell of each pair's grid: `[pairs × GRID_CELLS × GRID_CELLS]`; rows are
-    /// cells of the second axis, columns of the first.
+    /// cells of the second axis, columns of the first. States that are NaN on either axis are in no cell.
     pub grids: Vec<u32>,
     /// Sample of the states, evenly spaced in time; all states if they are few enough.
     pub sample: Vec<SelectedState>,
@@ -86,9 +88,9 @@ pub struct SelectedStates {
 /// One state, with its episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SelectedState {
-    /// Position on every axis, from 0 to 1: `[all axes]`.
+    /// Position on every axis, from 0 to 1, or NaN: `[all axes]`.
     pub axis_positions: Vec<f32>,
-    /// Position on the selected axes, from 0 to 1: `[selected axes]`.
+    /// Position on the selected axes, from 0 to 1, or NaN: `[selected axes]`.
     pub selected_axis_positions: Vec<f32>,
     /// Number of the agent's episode.
     pub episode: u32,
@@ -129,14 +131,13 @@ impl StateSelection {
         recording: &RecordedStates,
         mut on_episode: impl FnMut(&RecordedEpisode),
     ) -> Result<Vec<SelectedStates>, ReadError> {
-        let axes = recording.axes();
-        let selected_axes = axes.subset(&self.axes);
+        let selected_axes = self.all_axes.subset(&self.axes);
         let mut selected: BTreeMap<u32, SelectedStates> = BTreeMap::new();
         self.for_each_selected_episode(recording, |episode| {
             let empty = || SelectedStates {
                 agent: episode.agent,
                 count: 0,
-                outside: vec![[0; 2]; self.axes.len()],
+                unplaced: vec![Unplaced::default(); self.axes.len()],
                 density: Density::new(&selected_axes),
                 grids: vec![0; self.pairs.len() * GRID_CELLS * GRID_CELLS],
                 sample: Vec::new(),
@@ -150,7 +151,7 @@ impl StateSelection {
             };
             on_episode(episode);
             let states_before = states_before.entry(episode.agent).or_default();
-            states.add_episode(episode, [&axes, &selected_axes], self, states_before);
+            states.add_episode(episode, &selected_axes, self, states_before);
         })?;
         Ok(selected.into_values().collect())
     }
@@ -176,7 +177,7 @@ impl SelectedStates {
     fn add_episode(
         &mut self,
         episode: &RecordedEpisode,
-        [axes, selected_axes]: [&Axes; 2],
+        selected_axes: &Axes,
         selection: &StateSelection,
         states_before: &mut u64,
     ) {
@@ -188,8 +189,8 @@ impl SelectedStates {
             }
             let intrinsic_reward = episode.bonus(step);
             let state = VisitedState::without_action(step, observation, intrinsic_reward);
-            axes.project(&state, &mut axis_positions);
-            selected_axes.count_outside(&state, &mut self.outside);
+            selection.all_axes.project(&state, &mut axis_positions);
+            selected_axes.count_unplaced(&state, &mut self.unplaced);
             selected_axis_positions.clear();
             selected_axis_positions.extend(selection.axes.iter().map(|&axis| axis_positions[axis]));
             self.density.add(&selected_axis_positions);
@@ -210,14 +211,19 @@ impl SelectedStates {
     }
 
     fn count_pairs(&mut self, axis_positions: &[f32], pairs: &[[usize; 2]]) {
-        let cell =
-            |axis: usize| ((axis_positions[axis] * GRID_CELLS as f32) as usize).min(GRID_CELLS - 1);
+        let cell = |axis: usize| {
+            let position = axis_positions[axis];
+            let cell = ((position * GRID_CELLS as f32) as usize).min(GRID_CELLS - 1);
+            (!position.is_nan()).then_some(cell)
+        };
         for (grid, [first, second]) in self
             .grids
             .chunks_exact_mut(GRID_CELLS * GRID_CELLS)
             .zip(pairs)
         {
-            grid[cell(*second) * GRID_CELLS + cell(*first)] += 1;
+            if let (Some(row), Some(column)) = (cell(*second), cell(*first)) {
+                grid[row * GRID_CELLS + column] += 1;
+            }
         }
     }
 }

@@ -2,13 +2,15 @@
 //! cell.
 
 use super::{UnnumberedFigure, names_without_common_parts};
-use crate::plotting::axis_with_outside;
+use crate::plotting::axis_with_shares;
 use crate::record::BonusRange;
-use crate::record::visitation::{AXIS_HEIGHT, Axes, Density, VisitedState};
+use crate::record::visitation::{AXIS_HEIGHT, Axes, Density, Unplaced, VisitedState};
+use crate::record::{difference_of_quantities, widen};
 use crate::study::figure::EpisodeWindow;
 use crate::study::results::CellResults;
 use crate::study::run_result::VisitedStates;
 use crate::text::pluralize;
+use seedbed_env::Quantity;
 use seedbed_figure::{
     DensityImage, DifferenceImage, Figure as Picture, Key, Panel, ParallelCoordinates, Row, States,
 };
@@ -42,7 +44,7 @@ pub(super) fn visitation(
             ""
         },
         if columns > 1 {
-            " Below: where the share of a cell is above (orange) or below (blue) that of the first cell."
+            " Below: where the share of a cell is above (orange) or below (blue) that of the first cell with the same observations."
         } else {
             ""
         }
@@ -71,8 +73,8 @@ struct CellDensity {
     name: String,
     title: String,
     axes: Axes,
-    /// Shares of states below and above the range of each axis: `[axes]`
-    outside: Vec<[f64; 2]>,
+    /// Shares of states that each axis cannot show at their place: `[axes]`
+    unplaced: Vec<Unplaced<f64>>,
     /// Share of the states whose lines cross each pixel: `[height × width]`.
     shares: Vec<f64>,
 }
@@ -82,7 +84,7 @@ impl CellDensity {
         Self {
             name,
             title,
-            outside: vec![[0.0; 2]; axes.all().len()],
+            unplaced: vec![Unplaced::default(); axes.all().len()],
             shares: Vec::new(),
             axes,
         }
@@ -94,20 +96,18 @@ impl CellDensity {
         let weight = states.visited as f64 / sampled as f64 / visited as f64;
         let mut density = Density::new(&self.axes);
         let mut axis_positions = Vec::new();
-        let mut outside = vec![[0; 2]; self.outside.len()];
+        let mut unplaced = vec![Unplaced::default(); self.unplaced.len()];
         for state in states
             .states
             .chunks_exact((states.states.len() / sampled).max(1))
         {
             let state = VisitedState::without_action(0, state, 0.0);
             self.axes.project(&state, &mut axis_positions);
-            self.axes.count_outside(&state, &mut outside);
+            self.axes.count_unplaced(&state, &mut unplaced);
             density.add(&axis_positions);
         }
-        for (shares, counts) in self.outside.iter_mut().zip(outside) {
-            for (share, count) in shares.iter_mut().zip(counts) {
-                *share += weight * count as f64;
-            }
+        for (shares, counts) in self.unplaced.iter_mut().zip(unplaced) {
+            shares.add_weighted(&counts.shares(1), weight);
         }
         let lines = density.draw_all();
         self.shares.resize(lines.len(), 0.0);
@@ -123,8 +123,8 @@ impl CellDensity {
                 .axes
                 .all()
                 .iter()
-                .zip(&self.outside)
-                .map(|(axis, &outside)| axis_with_outside(&axis.quantity, outside))
+                .zip(&self.unplaced)
+                .map(|(axis, unplaced)| axis_with_shares(&axis.quantity, unplaced))
                 .collect(),
             states,
         })
@@ -139,7 +139,7 @@ impl CellDensity {
 fn densities(cells: &[&CellResults], window: EpisodeWindow) -> Vec<CellDensity> {
     let names = names_without_common_parts(cells);
     let mut densities = Vec::new();
-    for (cell, name) in cells.iter().zip(names) {
+    for ((cell, name), axes) in cells.iter().zip(names).zip(axes_of_cells(cells)) {
         let runs = cell.states(window);
         let visited: u64 = runs.iter().map(|(_, states)| states.visited).sum();
         if visited == 0 {
@@ -151,7 +151,7 @@ fn densities(cells: &[&CellResults], window: EpisodeWindow) -> Vec<CellDensity> 
             indicatif::HumanCount(visited),
             pluralize(runs.len(), "run")
         );
-        let mut density = CellDensity::new(name, title, axes(cell));
+        let mut density = CellDensity::new(name, title, axes);
         for (_, states) in &runs {
             density.add_run(states, visited);
         }
@@ -215,7 +215,7 @@ fn picture_rows(cells: &[CellDensity], scale: &ShareScale, columns: usize) -> Ve
         rows.push(row(panels.collect(), columns, scale.key()));
         if differences_of_cells.iter().any(Option::is_some) {
             let panels = cells.iter().zip(differences_of_cells);
-            let panels = panels.map(|(cell, values)| differences.panel(cell, values.as_deref()));
+            let panels = panels.map(|(cell, values)| differences.panel(cell, values.as_ref()));
             rows.push(row(panels.collect(), columns, differences.key()));
         }
     }
@@ -241,36 +241,33 @@ fn density_panel(cell: &CellDensity, scale: &ShareScale) -> Panel {
     cell.panel(cell.title.clone(), states)
 }
 
-/// Differences of the shares of cells from those of the first cell.
+/// Differences of the shares of cells from those of the first cell with the same axes.
 struct ShareDifferences<'a> {
-    name_of_first: &'a str,
-    /// For each cell the differences of all pixels: `[height × width]`; none for the first cell and
-    /// cells with other axes.
-    of_cells: Vec<Option<Vec<f64>>>,
+    /// For each cell the differences of all pixels: `[height × width]`, and the name of the cell from
+    /// which they are; none for cells that are the first with their axes.
+    of_cells: Vec<Option<(Vec<f64>, &'a str)>>,
     /// Largest magnitude of all differences.
     max: f64,
 }
 
 impl<'a> ShareDifferences<'a> {
     fn from_first(cells: &'a [CellDensity]) -> Self {
-        let first = &cells[0];
-        let mut of_cells = vec![None];
-        for cell in &cells[1..] {
+        let difference_of = |(index, cell): (usize, &CellDensity)| {
+            let first = cells[..index]
+                .iter()
+                .find(|first| first.axes == cell.axes)?;
             let pairs = cell.shares.iter().zip(&first.shares);
-            let is_comparable = cell.shares.len() == first.shares.len();
-            of_cells.push(is_comparable.then(|| pairs.map(|(a, b)| a - b).collect()));
-        }
-        let all = of_cells.iter().flatten().flatten();
+            let differences: Vec<f64> = pairs.map(|(own, of_first)| own - of_first).collect();
+            Some((differences, first.name.as_str()))
+        };
+        let of_cells: Vec<_> = cells.iter().enumerate().map(difference_of).collect();
+        let all = of_cells.iter().flatten().flat_map(|(values, _)| values);
         let max = all.fold(0.0_f64, |max, difference: &f64| max.max(difference.abs()));
-        Self {
-            name_of_first: &first.name,
-            of_cells,
-            max,
-        }
+        Self { of_cells, max }
     }
 
-    fn panel(&self, cell: &CellDensity, differences: Option<&[f64]>) -> Panel {
-        let Some(differences) = differences else {
+    fn panel(&self, cell: &CellDensity, differences: Option<&(Vec<f64>, &str)>) -> Panel {
+        let Some((differences, name_of_first)) = differences else {
             return Panel::Blank;
         };
         let scaled = |difference: &f64| {
@@ -281,7 +278,7 @@ impl<'a> ShareDifferences<'a> {
             pixels: differences.iter().map(scaled).collect(),
             width: cell.width(),
         });
-        cell.panel(format!("{} − {}", cell.name, self.name_of_first), states)
+        cell.panel(format!("{} − {name_of_first}", cell.name), states)
     }
 
     fn key(&self) -> Key {
@@ -292,19 +289,29 @@ impl<'a> ShareDifferences<'a> {
     }
 }
 
-/// The axes of a cell: those of its observations.
-fn axes(cell: &CellResults) -> Axes {
-    Axes::of_quantities(&cell.observations(), 1, BonusRange::None)
+/// The axes of each cell: those of its observations. Cells with the same observations have the same axes,
+/// whose ranges contain those of all of them.
+fn axes_of_cells(cells: &[&CellResults]) -> Vec<Axes> {
+    let observations: Vec<Vec<Quantity>> = cells.iter().map(|cell| cell.observations()).collect();
+    let common = |own: &Vec<Quantity>| {
+        let mut common = own.clone();
+        let of_others = observations.iter();
+        for other in of_others.filter(|other| difference_of_quantities(own, other).is_none()) {
+            widen(&mut common, other);
+        }
+        Axes::of_quantities(&common, 1, BonusRange::None)
+    };
+    observations.iter().map(common).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn cell(name: usize, shares: Vec<f64>) -> CellDensity {
-        let axes = Axes::of_quantities(&[], 1, BonusRange::None);
+    fn cell(name: usize, time_limit: u32) -> CellDensity {
+        let axes = Axes::of_quantities(&[], time_limit, BonusRange::None);
         CellDensity {
-            shares,
+            shares: vec![0.5; AXIS_HEIGHT],
             ..CellDensity::new(name.to_string(), name.to_string(), axes)
         }
     }
@@ -322,12 +329,13 @@ mod tests {
             .collect()
     }
 
-    /// Five cells in rows of three. The second cell has twice the pixels, so that it has no
-    /// differences.
+    /// Five cells in rows of three. The second cell has other axes, so that it has no differences.
     #[test]
     fn many_cells_are_drawn_in_rows_of_equal_width_above_their_differences() {
-        let shares = |cell| vec![0.5; if cell == 1 { 2 } else { 1 } * AXIS_HEIGHT];
-        let cells: Vec<CellDensity> = (0..5).map(|number| cell(number, shares(number))).collect();
+        let time_limit = |number| if number == 1 { 2 } else { 1 };
+        let cells: Vec<CellDensity> = (0..5)
+            .map(|number| cell(number, time_limit(number)))
+            .collect();
         let rows = picture_rows(&cells, &ShareScale::of(cells.iter()), 3);
         assert_eq!(
             titles(&rows),
@@ -342,7 +350,7 @@ mod tests {
 
     #[test]
     fn one_cell_has_no_row_of_differences() {
-        let cells = [cell(0, vec![0.5; AXIS_HEIGHT])];
+        let cells = [cell(0, 1)];
         let rows = picture_rows(&cells, &ShareScale::of(cells.iter()), 1);
         assert_eq!(titles(&rows), [["0"]]);
     }
