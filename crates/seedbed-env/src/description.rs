@@ -512,6 +512,20 @@ impl BodyTask {
             || (is_hinge(joint) && joint.range_softness.is_some())
     }
 
+    /// Whether several servos drive the same joint.
+    #[must_use]
+    pub(crate) fn has_joint_with_several_servos(&self) -> bool {
+        let servos = self.actuators.iter();
+        let mut driven: Vec<_> = servos
+            .filter_map(|actuator| match actuator.drive {
+                Drive::Servo(servo) => Some(servo.joint),
+                _ => None,
+            })
+            .collect();
+        driven.sort_unstable();
+        driven.windows(2).any(|pair| pair[0] == pair[1])
+    }
+
     fn joints_of(&self, child: usize) -> impl Iterator<Item = &Joint> {
         self.joints.iter().filter(move |joint| joint.child == child)
     }

@@ -98,6 +98,12 @@ impl CoordinateColumns {
         (self.positions[index], self.velocities[index])
     }
 
+    /// Takes over all coordinates of columns of the same task and number of copies.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.positions.copy_from_slice(&other.positions);
+        self.velocities.copy_from_slice(&other.velocities);
+    }
+
     /// Sets position and velocity of one coordinate of one copy.
     pub(crate) fn set(&mut self, coordinate: usize, copy: usize, position: f32, velocity: f32) {
         let index = coordinate * self.copies + copy;

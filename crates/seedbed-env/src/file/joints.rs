@@ -1,7 +1,5 @@
 //! Further properties of joints: ranges, passive forces, formula forces, and start coordinates.
 
-use std::f64::consts::TAU;
-
 use super::resolve::{Resolver, find_index, formula};
 use super::{Distribution, Force, ForceFrame, Joint, JointKind, StartCoordinate, Vector};
 use crate::description::{self, Drive, PassiveForces};
@@ -10,20 +8,14 @@ use crate::input::numbers::{FiniteNumber, NonNegative};
 use crate::input::{Located, ValidationError};
 
 impl Joint {
-    /// The joint's range. A hinge's is at most a full turn wide, because the angle of a body does
-    /// not include the number of full turns.
+    /// The joint's range.
     pub(super) fn checked_range(&self) -> Result<Option<[f64; 2]>, ValidationError> {
         let Some(range) = &self.range else {
             return Ok(None);
         };
-        let [low, high] = range.get();
         match *self.kind {
-            JointKind::Hinge { .. } if high - low > TAU => Err(range.error(format!(
-                "expected a range of at most a full turn (2 π rad), found {} rad",
-                high - low
-            ))),
             JointKind::Weld => Err(range.error("a weld has no coordinate: remove `range`")),
-            _ => Ok(Some([low, high])),
+            _ => Ok(Some(range.get())),
         }
     }
 

@@ -100,10 +100,15 @@ impl RapierJoint {
 
     /// Whether the child is stopped directly, without a constraint, at the ends of its range.
     pub(super) fn has_walls(&self) -> bool {
-        matches!(
-            self.representation,
-            Representation::Rail { walls: Some(_), .. }
-        )
+        self.walls().is_some()
+    }
+
+    /// The coordinates of the inelastic walls at which the child is stopped directly.
+    pub(super) fn walls(&self) -> Option<[f32; 2]> {
+        match self.representation {
+            Representation::Rail { walls, .. } => walls,
+            _ => None,
+        }
     }
 
     /// Parent and child; the parent is `anchor` if it is the world.

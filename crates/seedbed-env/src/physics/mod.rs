@@ -13,6 +13,7 @@ mod contact;
 mod geometry;
 mod joint;
 mod shape;
+mod turns;
 
 use rapier2d::prelude::{RigidBody, Vector};
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,7 @@ pub use self::contact::ContactWorlds;
 pub use self::geometry::Geometry;
 use self::joint::RapierJoint;
 pub use self::shape::inertial;
+use self::turns::FarTurns;
 use super::Pose;
 use super::description::{self, BodyTask, FormulaForce, Servo, ServoTarget};
 use super::dynamics::{CoordinateColumns, Dynamics, OTHER_BODIES, from_bytes, to_bytes};
@@ -38,6 +40,8 @@ pub struct RigidBodies {
     tree: KinematicTree,
     frames: Vec<Frame>,
     columns: CoordinateColumns,
+    /// `None` if nothing turns.
+    far_turns: Option<FarTurns>,
 }
 
 /// Data that all copies of a task share.
@@ -111,8 +115,65 @@ impl RigidBodies {
             batch_size,
             frames: tree.frame_buffer(),
             columns: CoordinateColumns::new(task.joints.len(), copies),
+            far_turns: FarTurns::new(task, copies),
             tree,
             template,
+        }
+    }
+
+    /// Places the bodies of a copy where its joints are at these positions and velocities.
+    fn place(&mut self, copy: usize, positions: &[f64], velocities: &[f64]) {
+        self.tree
+            .compute_frames(positions, velocities, &mut self.frames);
+        self.batches[copy / self.batch_size].start(
+            copy % self.batch_size,
+            &self.frames,
+            &self.template,
+        );
+    }
+
+    fn is_live(&self, copy: usize) -> bool {
+        self.batches[copy / self.batch_size].live[copy % self.batch_size]
+    }
+
+    /// Computes the steps again in which joints turn too fast or too far for the shared worlds.
+    fn repeat_far_turns(&mut self, controls: &[f32]) {
+        let Some(mut far_turns) = self.far_turns.take() else {
+            return;
+        };
+        for copy in 0..self.columns.copies() {
+            if self.is_live(copy) && far_turns.are_in_step(copy, &self.columns, controls) {
+                far_turns.repeat_step(copy, controls, &mut self.columns);
+                self.stop_at_walls(copy);
+                self.place_at_columns(copy);
+            }
+        }
+        self.far_turns = Some(far_turns);
+    }
+
+    /// Stops the joints of a copy that have inelastic walls, as [`Batch::step`] does.
+    fn stop_at_walls(&mut self, copy: usize) {
+        for (index, joint) in self.template.joints.iter().enumerate() {
+            let Some([low, high]) = joint.walls() else {
+                continue;
+            };
+            let (position, _) = self.columns.get(index, copy);
+            if position < low || position > high {
+                self.columns
+                    .set(index, copy, position.clamp(low, high), 0.0);
+            }
+        }
+    }
+
+    /// Places the bodies of a copy where its coordinates say, if these are finite.
+    fn place_at_columns(&mut self, copy: usize) {
+        let row = self.columns.row(copy);
+        if row.iter().all(|(q, v)| q.is_finite() && v.is_finite()) {
+            let (positions, velocities): (Vec<_>, Vec<_>) = row
+                .into_iter()
+                .map(|(q, v)| (f64::from(q), f64::from(v)))
+                .unzip();
+            self.place(copy, &positions, &velocities);
         }
     }
 
@@ -124,13 +185,7 @@ impl RigidBodies {
 
 impl Dynamics for RigidBodies {
     fn start(&mut self, copy: usize, positions: &[f64], velocities: &[f64]) {
-        self.tree
-            .compute_frames(positions, velocities, &mut self.frames);
-        self.batches[copy / self.batch_size].start(
-            copy % self.batch_size,
-            &self.frames,
-            &self.template,
-        );
+        self.place(copy, positions, velocities);
         for (joint, (&position, &velocity)) in positions.iter().zip(velocities).enumerate() {
             self.columns
                 .set(joint, copy, position as f32, velocity as f32);
@@ -142,6 +197,9 @@ impl Dynamics for RigidBodies {
     }
 
     fn step(&mut self, controls: &[f32]) {
+        if let Some(far_turns) = &mut self.far_turns {
+            far_turns.begin_step(&self.columns);
+        }
         for (index, batch) in self.batches.iter_mut().enumerate() {
             batch.step(
                 index * self.batch_size,
@@ -150,6 +208,7 @@ impl Dynamics for RigidBodies {
                 &self.template,
             );
         }
+        self.repeat_far_turns(controls);
     }
 
     fn coordinates(&self) -> &CoordinateColumns {
@@ -170,7 +229,7 @@ impl Dynamics for RigidBodies {
     fn save(&self, copy: usize) -> Vec<u8> {
         to_bytes(&SavedCopy {
             row: self.columns.row(copy),
-            live: self.batches[copy / self.batch_size].live[copy % self.batch_size],
+            live: self.is_live(copy),
             bodies: self.bodies(copy).map(SavedBody::from_body).collect(),
         })
     }

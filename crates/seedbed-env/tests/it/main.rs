@@ -16,6 +16,7 @@ mod surroundings;
 mod tabular;
 mod tasks;
 mod terrain;
+mod turns;
 
 use std::path::{Path, PathBuf};
 

@@ -6,7 +6,7 @@ use rapier2d::prelude::{
     RigidBodySet, Vector,
 };
 
-use super::super::constraint::set_motor_target;
+use super::super::constraint::{HINGE_AXIS, set_motor_target};
 use super::super::vector;
 use super::build::WorldTemplate;
 use super::joint_group::{JointGroup, RapierCoordinate};
@@ -24,6 +24,8 @@ pub(super) struct Link {
     motion: Motion,
     /// The coordinate of Rapier's joint; a weld has none.
     coordinate: Option<RapierCoordinate>,
+    /// The range, if its ends are hard.
+    hard_range: Option<[f32; 2]>,
 }
 
 /// A free body.
@@ -39,8 +41,11 @@ pub(super) struct Root {
 pub(super) struct FrameState {
     pub(super) position: Vector,
     pub(super) velocity: Vector,
+    /// Angle without full turns.
     pub(super) angle: f32,
     pub(super) spin: f32,
+    /// The angle as the coordinate of a multibody, which counts full turns.
+    pub(super) coordinate: Option<f32>,
 }
 
 /// An actuator or a formula force.
@@ -67,6 +72,10 @@ impl Link {
             anchor_in_child: vector(group.anchor().anchor_in_child) - vector(com),
             motion: group.links[place].motion,
             coordinate: group.coordinates()[place],
+            hard_range: joint
+                .range
+                .filter(|_| joint.range_softness.is_none())
+                .map(|range| range.map(|end| end as f32)),
         }
     }
 
@@ -139,10 +148,20 @@ impl Link {
         let Some((multibody, link)) = link else {
             return (0.0, 0.0);
         };
-        (
-            sign * link.joint().coords()[axis as usize],
-            sign * multibody.generalized_velocity()[link.assembly_id() + dof],
-        )
+        let position = sign * link.joint().coords()[axis as usize];
+        let velocity = sign * multibody.generalized_velocity()[link.assembly_id() + dof];
+        (position, self.velocity_in_range(position, velocity))
+    }
+
+    /// The velocity of a joint, which does not move out of a range with hard ends. Rapier stops a joint one
+    /// substep after it has passed an end, and at once lets go of one that is back there: a joint
+    /// that is pressed on an end passes it in every other substep.
+    fn velocity_in_range(&self, position: f32, velocity: f32) -> f32 {
+        match self.hard_range {
+            Some([low, _]) if position < low => velocity.max(0.0),
+            Some([_, high]) if position > high => velocity.min(0.0),
+            _ => velocity,
+        }
     }
 
     /// Adds a force (N) or torque (N m) along the coordinate, and its reaction on the parent.
@@ -211,12 +230,13 @@ impl Root {
         let multibody = joints
             .rigid_body_link(handle)
             .and_then(|link| joints.get_multibody(link.multibody));
-        let (velocity, spin) = match multibody {
+        let (velocity, spin, coordinate) = match multibody {
             Some(multibody) => {
                 let rates = multibody.generalized_velocity();
-                (Vector::new(rates[0], rates[1]), rates[2])
+                let coordinate = multibody.root().joint().coords()[HINGE_AXIS as usize];
+                (Vector::new(rates[0], rates[1]), rates[2], Some(coordinate))
             }
-            None => (body.linvel(), body.angvel()),
+            None => (body.linvel(), body.angvel(), None),
         };
         let arm = *body.rotation() * self.com;
         FrameState {
@@ -224,6 +244,7 @@ impl Root {
             velocity: velocity - Vector::new(-arm.y, arm.x) * spin,
             angle: libm::atan2f(body.rotation().im, body.rotation().re),
             spin,
+            coordinate,
         }
     }
 }

@@ -3,12 +3,13 @@
 use std::f32::consts::TAU;
 
 use rapier2d::prelude::{
-    BroadPhaseBvh, CCDSolver, IslandManager, NarrowPhase, PhysicsPipeline, PhysicsWorld, Pose,
-    Rotation, SharedShape, Vector,
+    BroadPhaseBvh, CCDSolver, IntegrationParameters, IslandManager, NarrowPhase, PhysicsPipeline,
+    PhysicsWorld, Pose, RigidBody, Rotation, SharedShape, Vector,
 };
 use serde::{Deserialize, Serialize};
 
 use super::super::geometry::oriented_line;
+use super::super::turns::MAX_TURN_PER_SUBSTEP;
 use super::super::vector;
 use super::build::WorldTemplate;
 use super::link::Root;
@@ -24,8 +25,42 @@ pub(super) struct World {
     /// an episode starts; `None` if not all of its heights are finite.
     #[serde(skip)]
     terrains: Vec<(usize, Option<SharedShape>)>,
+    /// How far free bodies have turned in the latest control step: `[free bodies]`.
+    #[serde(skip)]
+    turns: Vec<FreeTurn>,
     /// Whether the copy is live.
     pub(super) live: bool,
+}
+
+/// The rotation of a free body that is no link of a multibody.
+#[derive(Clone, Copy, Debug, Default)]
+struct FreeTurn {
+    /// Angular velocity before the latest step of Rapier, rad/s.
+    spin: f32,
+    /// Angle turned since the start of the control step, rad.
+    angle: f32,
+}
+
+impl FreeTurn {
+    /// Rapier turns a body at ω by arctan(ω h) in a substep h, instead of ω h. The difference is added
+    /// where it matters: see `turns`. Forces are constant during a step of Rapier, so that the
+    /// angular velocity changes evenly, if no contact changes it.
+    fn complete(&mut self, body: &mut RigidBody, parameters: &IntegrationParameters) {
+        let substeps = parameters.num_solver_iterations as f32;
+        let (first, last) = (self.spin, body.angvel());
+        let (mut turned, mut lacking) = (0.0, 0.0);
+        for substep in 1..=parameters.num_solver_iterations {
+            let spin = first + (last - first) * (substep as f32 / substeps);
+            let turn = spin * (parameters.dt / substeps);
+            turned += turn;
+            lacking += turn - libm::atanf(turn);
+        }
+        self.angle += turned;
+        let fastest = first.abs().max(last.abs());
+        if fastest * (parameters.dt / substeps) > MAX_TURN_PER_SUBSTEP {
+            body.set_rotation(Rotation::new(lacking) * *body.rotation(), false);
+        }
+    }
 }
 
 impl World {
@@ -42,6 +77,7 @@ impl World {
         Self {
             simulation: world,
             terrains: Vec::new(),
+            turns: Vec::new(),
             live: false,
         }
     }
@@ -166,15 +202,36 @@ impl World {
         controls: &[f32],
         copies: usize,
     ) -> bool {
+        self.turns.clear();
+        self.turns.resize(template.roots.len(), FreeTurn::default());
         for _ in 0..template.contact_updates {
             self.apply_controls(template, copy, controls, copies);
+            self.begin_turns(template);
             // Rapier's limits of motors panic where coordinates are not finite.
             if caught_panic(|| self.simulation.step()).is_err() {
                 self.live = false;
                 return false;
             }
+            self.complete_turns(template);
         }
         true
+    }
+
+    fn begin_turns(&mut self, template: &WorldTemplate) {
+        for (root, turn) in template.roots.iter().zip(&mut self.turns) {
+            turn.spin = self.simulation.bodies[template.handles[root.body]].angvel();
+        }
+    }
+
+    /// Adds what Rapier has left out of the rotations of free bodies in its latest step. The others
+    /// are links of multibodies, whose angles are exact.
+    fn complete_turns(&mut self, template: &WorldTemplate) {
+        for (root, turn) in template.roots.iter().zip(&mut self.turns) {
+            if !root.is_linked {
+                let body = &mut self.simulation.bodies[template.handles[root.body]];
+                turn.complete(body, &self.simulation.integration_parameters);
+            }
+        }
     }
 
     /// Sets the forces and servo targets.
@@ -208,7 +265,7 @@ impl World {
     }
 
     /// Writes the coordinates into their columns. The angle of a free body counts the full turns
-    /// that bring it nearest to its previous value.
+    /// that bring it nearest to where its rate has turned it.
     pub(super) fn read(
         &self,
         template: &WorldTemplate,
@@ -228,7 +285,8 @@ impl World {
                 template.handles[root.body],
                 &self.simulation.multibody_joints,
             );
-            let angle = state.angle + TAU * ((before - state.angle) / TAU).round();
+            let expected = state.coordinate.unwrap_or(before + self.turned(index));
+            let angle = state.angle + TAU * ((expected - state.angle) / TAU).round();
             columns.set(first_coordinate, copy, state.position.x, state.velocity.x);
             columns.set(
                 first_coordinate + 1,
@@ -238,6 +296,11 @@ impl World {
             );
             columns.set(first_coordinate + 2, copy, angle, state.spin);
         }
+    }
+
+    /// The angle by which a free body has turned in the latest control step, rad; 0 before the first.
+    fn turned(&self, root: usize) -> f32 {
+        self.turns.get(root).map_or(0.0, |turn| turn.angle)
     }
 
     /// Appends the contact forces of the latest step: those on the body that touches the world, or
