@@ -212,7 +212,9 @@ fn a_free_body_turns_by_its_rate() {
                         1.0
                     };
                     let error = turn_error(rate, control_step / substeps / searches);
-                    if (angle - 20.0 - expected).abs() > 5e-5 + error * expected.abs() {
+                    // A sum of f32 near 20 rad is off by at most 1e-6 rad per substep.
+                    let rounding = 20.0 * substeps * searches * 1e-6;
+                    if (angle - 20.0 - expected).abs() > 5e-5 + rounding + error * expected.abs() {
                         failures.push(format!(
                             "{arm} {collider} {solver} {rate}: {angle}, expected {}",
                             expected + 20.0
@@ -314,6 +316,10 @@ fn ends_hold_at_any_range_and_speed() {
     for (rig, substep) in rigs(&HINGES).chain(rigs(&SLIDES)) {
         for [low, high] in RANGES {
             for rate in RATES {
+                // An angle of 1e9 rad changes by 64 rad at least.
+                if rate < 0.0 && low < -1e6 {
+                    continue;
+                }
                 for push in [0.0, 5.0] {
                     let fields = format!("range: ({low:?}, {high:?})");
                     let rig = Rig {
@@ -339,12 +345,13 @@ fn ends_hold_at_any_range_and_speed() {
                     // The push adds to the speed within the range of 1.
                     let speed = rate.abs() + 4.0 * f64::from(push > 0.0) * (50.0_f64 * 2.0).sqrt();
                     let tolerance = 1e-3 + 1e-6 * end.abs();
+                    let resolution = 1e-7 * end.abs() / substep;
                     let is_far = passed > speed * substep * 1.01 + tolerance;
                     let is_fast = velocity.abs() > 0.2 * speed;
                     let ends_beyond =
                         position < low - tolerance - 0.2 || position > high + tolerance + 0.2;
                     let is_not_at_rest = push > 0.0
-                        && (velocity.abs() > 1e-3
+                        && (velocity.abs() > 1e-3 + resolution
                             || (position - end).abs() > 50.0 * substep * substep + tolerance);
                     if is_far || is_fast || ends_beyond || is_not_at_rest {
                         failures.push(format!("{} at {rate}, push {push}: passed {passed} ({}), {position} at {velocity}", rig.describe(), speed * substep));
@@ -456,9 +463,10 @@ fn a_spring_pulls_over_several_turns() {
                 bodies.step(&[]);
                 let expected = 30.0 - 35.0 * (0.01 * f64::from(step)).cos();
                 let (angle, _) = state(&*bodies, 0);
-                if step % 50 == 0 || step == 156 {
-                    println!("spring {kind} {has_collider} {step}: {angle}, expected {expected}");
-                }
+                assert!(
+                    (angle - expected).abs() < 0.02,
+                    "{kind} {has_collider} {step}: {angle}, expected {expected}"
+                );
             }
         }
     }
@@ -558,65 +566,9 @@ fn a_whirling_rod_keeps_its_energy() {
             bodies.step(&[]);
             worst = worst.max((energy(state(&*bodies, 0)) - before).abs());
         }
-        println!("rod {start} {collider}: {worst} of {before}");
-    }
-}
-
-#[test]
-fn explore_acrobot() {
-    for name in [
-        "dm_acrobot_swingup",
-        "acrobot",
-        "dm_pendulum_swingup",
-        "dm_cartpole_swingup",
-        "cartpole_swingup_team",
-    ] {
-        let task = crate::load_bodies(format!("envs/{name}.ron"));
-        let h = task.spec.control_step / f64::from(task.solver.substeps);
-        for policy in 0..6 {
-            let mut env = build_bodies(&task, Physics::Rapier, 1);
-            let mut random = stream(1, Purpose::Reset, 0, policy);
-            env.reset(0, &mut random);
-            let mut fastest = [0.0_f64; 3];
-            for step in 0..20000 {
-                let c = env.coordinates(0);
-                let n = c.velocities.len();
-                let (a, b) = (c.velocities[n - 2].1, c.velocities[n - 1].1);
-                let v = match policy {
-                    0 => 1.0,
-                    1 => -1.0,
-                    2 => b,
-                    3 => a + b,
-                    4 => -b,
-                    _ => a,
-                };
-                let [low, high] = task.actuators[0].range;
-                let action = match &task.actuators[0].choice {
-                    seedbed_env::Choice::Discrete(values) => {
-                        if v >= 0.0 {
-                            (values.len() - 1) as f32
-                        } else {
-                            0.0
-                        }
-                    }
-                    seedbed_env::Choice::Continuous => {
-                        if v >= 0.0 {
-                            high
-                        } else {
-                            low
-                        }
-                    }
-                };
-                let _ = step;
-                env.step(&[action]);
-                for (f, x) in fastest.iter_mut().zip([a, b, a + b]) {
-                    *f = f.max(x.abs() * h);
-                }
-                if env.statuses()[0] != seedbed_env::Status::Running {
-                    env.reset(0, &mut random);
-                }
-            }
-            println!("TASK {name} policy {policy}: {fastest:.4?}");
-        }
+        assert!(
+            worst < 0.02 * before.abs() + 0.1,
+            "{start} {collider}: {worst} of {before}"
+        );
     }
 }
