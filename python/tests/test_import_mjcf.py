@@ -383,7 +383,6 @@ def test_targets_in_degrees_and_taut_ropes_are_reported(model: Write, capsys: py
     rope = '<tendon><spatial name="rope" limited="true" range="0 2"><site site="hook"/><site site="eye"/></spatial></tendon>'
     assert main([str(model(text + rope)), "--no-comparison"]) == 0
     assert capsys.readouterr().err.splitlines() == [
-        "warning: model.xml: actuator 0 (unnamed): it turns the hinge the shorter way around",
         "warning: model.xml: actuator 0 (unnamed): its target goes to 90 rad: MuJoCo does not convert ctrlrange from degrees",
         'warning: model.xml: tendon "rope": it is taut in the reference pose, in which its sites are 0.5 m too far apart',
     ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import ron
 from .bodies import Bodies
-from .joints import DEFAULT_SOLIMP, DEFAULT_SOLREF, Joint, may_be_far
+from .joints import DEFAULT_SOLIMP, DEFAULT_SOLREF, Joint
 from .names import Names
 from .plane import Array, Plane
 from .source import Source
@@ -204,8 +204,6 @@ def report_target(drive: Drive, joint: Joint, factor: float, shift: float) -> No
     if shift:
         message = f"its target counts from the reference pose: the control is that of MuJoCo less {shift:.6g}"
         drive.source.report.warning(drive.label, message)
-    if any(may_be_far(joint, factor * (end - shift)) for end in drive.control):
-        drive.source.report.warning(drive.label, "it turns the hinge the shorter way around")
     farthest = max(abs(end) for end in drive.control)
     if joint.kind == "hinge" and farthest > 2 * math.pi:
         message = f"its target goes to {farthest:g} rad: MuJoCo does not convert ctrlrange from degrees"

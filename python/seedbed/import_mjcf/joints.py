@@ -120,15 +120,7 @@ def moving_joint(source: Source, plane: Plane, bodies: Bodies, index: int, names
     joint.reference = float(model.qpos0[model.jnt_qposadr[index]])
     set_passive_forces(source, joint, index)
     set_range(source, joint, index)
-    if joint.stiffness and may_be_far(joint, joint.springref):
-        source.report.warning(source.label("joint", index), "its spring pulls the shorter way around")
     return joint
-
-
-def may_be_far(joint: Joint, angle: float) -> bool:
-    """Whether a hinge can be more than half a turn away from an angle."""
-    low, high = joint.range or (-math.inf, math.inf)
-    return joint.kind == "hinge" and max(angle - low, high - angle) > math.pi
 
 
 def set_passive_forces(source: Source, joint: Joint, index: int) -> None:
@@ -174,9 +166,6 @@ def set_range(source: Source, joint: Joint, index: int) -> None:
     if not model.jnt_limited[index] or source.is_disabled("limit") or source.is_disabled("constraint"):
         return
     low, high = (float(end) - joint.reference for end in model.jnt_range[index])
-    if joint.kind == "hinge" and high - low > 2 * math.pi:
-        source.report.warning(source.label("joint", index), "its range is wider than a full turn: it is left out")
-        return
     joint.range = (low, high)
     joint.softness = softness(
         source, source.label("joint", index), model.jnt_solref[index], float(model.jnt_solimp[index][1])

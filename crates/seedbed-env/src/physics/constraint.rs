@@ -72,8 +72,9 @@ impl CoordinateConstraint {
             .insert(parent, child, self.constraint(joint), false)
     }
 
-    fn constraint(&self, joint: &RapierJoint) -> GenericJoint {
-        let ([frame1, frame2], axis, sign) = (joint.frames(), joint.axis(), joint.sign());
+    fn constraint(&self, described: &RapierJoint) -> GenericJoint {
+        let [frame1, frame2] = described.frames();
+        let (axis, sign) = (described.axis(), described.sign());
         let mut joint = GenericJointBuilder::new(JointAxesMask::empty())
             .local_frame1(frame1)
             .local_frame2(frame2)
@@ -93,7 +94,7 @@ impl CoordinateConstraint {
             Effect::Motor(motor) => {
                 joint.motor_axes |= axis.into();
                 joint.motors[axis as usize] = JointMotor {
-                    target_pos: sign * motor.target_pos,
+                    target_pos: sign * described.target_angle(motor.target_pos),
                     ..motor
                 };
             }
@@ -109,7 +110,14 @@ impl CoordinateConstraint {
         target: ServoTarget,
         value: f32,
     ) {
-        let (axis, sign) = (joint.axis() as usize, joint.sign());
+        let (axis, sign, value) = (
+            joint.axis() as usize,
+            joint.sign(),
+            match target {
+                ServoTarget::Position => joint.target_angle(value),
+                ServoTarget::Velocity | ServoTarget::Speed { .. } => value,
+            },
+        );
         let Some(joint) = joints.get_mut(handle, false) else {
             return;
         };

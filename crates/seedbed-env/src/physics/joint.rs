@@ -1,7 +1,7 @@
 //! Joints of tasks without contacts: how Rapier represents them, how forces push along them, and
 //! how their coordinates are read.
 
-use std::f32::consts::TAU;
+use std::f32::consts::{PI, TAU};
 
 use rapier2d::prelude::{
     GenericJointBuilder, JointAxesMask, JointAxis, PhysicsWorld, Pose, RigidBody, RigidBodyHandle,
@@ -138,6 +138,15 @@ impl RapierJoint {
             sign
         } else {
             1.0
+        }
+    }
+
+    /// The target of a motor, without the full turns of a hinge, which Rapier does not remove.
+    pub(super) fn target_angle(&self, target: f32) -> f32 {
+        if self.is_hinge() && target.abs() > PI {
+            target - TAU * (target / TAU).round()
+        } else {
+            target
         }
     }
 

@@ -88,6 +88,7 @@ struct SavedCopy {
     /// Position and velocity of each joint.
     row: Vec<(f32, f32)>,
     live: bool,
+    /// None if its steps are not computed in a shared world: where the bodies are follows from `row`.
     bodies: Vec<SavedBody>,
 }
 
@@ -115,7 +116,7 @@ impl RigidBodies {
             batch_size,
             frames: tree.frame_buffer(),
             columns: CoordinateColumns::new(task.joints.len(), copies),
-            far_turns: FarTurns::new(task, copies),
+            far_turns: FarTurns::new(task, &template.joints, copies),
             tree,
             template,
         }
@@ -142,13 +143,23 @@ impl RigidBodies {
             return;
         };
         for copy in 0..self.columns.copies() {
-            if self.is_live(copy) && far_turns.are_in_step(copy, &self.columns, controls) {
-                far_turns.repeat_step(copy, controls, &mut self.columns);
+            if self.is_live(copy) && far_turns.step(copy, controls, &mut self.columns) {
                 self.stop_at_walls(copy);
                 self.place_at_columns(copy);
             }
         }
         self.far_turns = Some(far_turns);
+    }
+
+    fn set_far(&mut self, copy: usize, is_far: bool) {
+        if let Some(far_turns) = &mut self.far_turns {
+            far_turns.set_far(copy, is_far);
+        }
+    }
+
+    fn is_far(&self, copy: usize) -> bool {
+        let far_turns = self.far_turns.as_ref();
+        far_turns.is_some_and(|far_turns| far_turns.is_far(copy))
     }
 
     /// Stops the joints of a copy that have inelastic walls, as [`Batch::step`] does.
@@ -186,6 +197,7 @@ impl RigidBodies {
 impl Dynamics for RigidBodies {
     fn start(&mut self, copy: usize, positions: &[f64], velocities: &[f64]) {
         self.place(copy, positions, velocities);
+        self.set_far(copy, false);
         for (joint, (&position, &velocity)) in positions.iter().zip(velocities).enumerate() {
             self.columns
                 .set(joint, copy, position as f32, velocity as f32);
@@ -230,16 +242,25 @@ impl Dynamics for RigidBodies {
         to_bytes(&SavedCopy {
             row: self.columns.row(copy),
             live: self.is_live(copy),
-            bodies: self.bodies(copy).map(SavedBody::from_body).collect(),
+            bodies: if self.is_far(copy) {
+                Vec::new()
+            } else {
+                self.bodies(copy).map(SavedBody::from_body).collect()
+            },
         })
     }
 
     fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String> {
         let saved: SavedCopy = from_bytes(bytes)?;
-        if saved.bodies.len() != self.template.body_count {
+        let is_far = saved.bodies.is_empty() && self.far_turns.is_some();
+        if saved.bodies.len() != self.template.body_count && !is_far {
             return Err(OTHER_BODIES.to_owned());
         }
         self.columns.set_row(copy, &saved.row)?;
+        if is_far {
+            self.place_at_columns(copy);
+        }
+        self.set_far(copy, is_far);
         let batch = &mut self.batches[copy / self.batch_size];
         batch.restore(copy % self.batch_size, &saved.bodies, saved.live);
         Ok(())

@@ -212,7 +212,9 @@ fn a_free_body_turns_by_its_rate() {
                         1.0
                     };
                     let error = turn_error(rate, control_step / substeps / searches);
-                    if (angle - 20.0 - expected).abs() > 5e-5 + error * expected.abs() {
+                    // A sum of f32 near 20 rad is off by at most 1e-6 rad per substep.
+                    let rounding = 20.0 * substeps * searches * 1e-6;
+                    if (angle - 20.0 - expected).abs() > 5e-5 + rounding + error * expected.abs() {
                         failures.push(format!(
                             "{arm} {collider} {solver} {rate}: {angle}, expected {}",
                             expected + 20.0
@@ -314,6 +316,10 @@ fn ends_hold_at_any_range_and_speed() {
     for (rig, substep) in rigs(&HINGES).chain(rigs(&SLIDES)) {
         for [low, high] in RANGES {
             for rate in RATES {
+                // An angle of 1e9 rad changes by 64 rad at least.
+                if rate < 0.0 && low < -1e6 {
+                    continue;
+                }
                 for push in [0.0, 5.0] {
                     let fields = format!("range: ({low:?}, {high:?})");
                     let rig = Rig {
@@ -339,12 +345,13 @@ fn ends_hold_at_any_range_and_speed() {
                     // The push adds to the speed within the range of 1.
                     let speed = rate.abs() + 4.0 * f64::from(push > 0.0) * (50.0_f64 * 2.0).sqrt();
                     let tolerance = 1e-3 + 1e-6 * end.abs();
+                    let resolution = 1e-7 * end.abs() / substep;
                     let is_far = passed > speed * substep * 1.01 + tolerance;
                     let is_fast = velocity.abs() > 0.2 * speed;
                     let ends_beyond =
                         position < low - tolerance - 0.2 || position > high + tolerance + 0.2;
                     let is_not_at_rest = push > 0.0
-                        && (velocity.abs() > 1e-3
+                        && (velocity.abs() > 1e-3 + resolution
                             || (position - end).abs() > 50.0 * substep * substep + tolerance);
                     if is_far || is_fast || ends_beyond || is_not_at_rest {
                         failures.push(format!("{} at {rate}, push {push}: passed {passed} ({}), {position} at {velocity}", rig.describe(), speed * substep));
@@ -457,7 +464,7 @@ fn a_spring_pulls_over_several_turns() {
                 let expected = 30.0 - 35.0 * (0.01 * f64::from(step)).cos();
                 let (angle, _) = state(&*bodies, 0);
                 assert!(
-                    (angle - expected).abs() < 0.05,
+                    (angle - expected).abs() < 0.02,
                     "{kind} {has_collider} {step}: {angle}, expected {expected}"
                 );
             }
@@ -559,111 +566,9 @@ fn a_whirling_rod_keeps_its_energy() {
             bodies.step(&[]);
             worst = worst.max((energy(state(&*bodies, 0)) - before).abs());
         }
-        println!("rod {start} {collider}: {worst} of {before}");
         assert!(
-            worst < 0.05 * before.abs() + 0.5,
+            worst < 0.02 * before.abs() + 0.1,
             "{start} {collider}: {worst} of {before}"
         );
     }
-}
-
-#[test]
-fn explore_tasks() {
-    use rand::RngExt;
-    let names = std::fs::read_dir(crate::repository().join("envs")).unwrap();
-    for entry in names {
-        let path = entry.unwrap().path();
-        if path.extension().is_none_or(|e| e != "ron") {
-            continue;
-        }
-        let Ok(seedbed_env::TaskDescription::Bodies(task)) = seedbed_env::load(&path) else {
-            continue;
-        };
-        let task = task.for_run(3);
-        let name = task.spec.name.clone();
-        let own = task.needs_own_worlds();
-        let linked: Vec<_> = task
-            .free_bodies
-            .iter()
-            .map(|b| task.joints.iter().any(|j| j.parent == Some(*b)))
-            .collect();
-        let h = task.spec.control_step
-            / f64::from(task.solver.substeps)
-            / if own {
-                f64::from(task.solver.contact_updates)
-            } else {
-                1.0
-            };
-        for policy in 0..3 {
-            let mut env = build_bodies(&task, Physics::Rapier, 1);
-            let mut random = stream(1, Purpose::Reset, 0, policy);
-            env.reset(0, &mut random);
-            let (mut fastest, mut ends, mut far) = (0.0_f64, 0, 0);
-            for _ in 0..20000 {
-                let coordinates = env.coordinates(0);
-                let action: Vec<f32> = task
-                    .actuators
-                    .iter()
-                    .map(|a| match &a.choice {
-                        seedbed_env::Choice::Discrete(v) => random.random_range(0..v.len()) as f32,
-                        seedbed_env::Choice::Continuous => {
-                            let [low, high] = a.range;
-                            if policy == 0 {
-                                random.random_range(low..=high)
-                            } else {
-                                let hinge = task
-                                    .joints
-                                    .iter()
-                                    .rposition(|j| {
-                                        matches!(
-                                            j.kind,
-                                            seedbed_env::description::JointKind::Hinge { .. }
-                                        )
-                                    })
-                                    .unwrap_or(0);
-                                let v = coordinates.velocities.get(hinge).map_or(0.0, |v| v.1);
-                                if (v >= 0.0) == (policy == 1) {
-                                    high
-                                } else {
-                                    low
-                                }
-                            }
-                        }
-                    })
-                    .collect();
-                env.step(&action);
-                let after = env.coordinates(0);
-                for (index, joint) in task.joints.iter().enumerate() {
-                    let (q, v) = (after.positions[index].1, after.velocities[index].1);
-                    if matches!(
-                        joint.kind,
-                        seedbed_env::description::JointKind::Hinge { .. }
-                    ) {
-                        fastest = fastest.max(v.abs() * h);
-                    }
-                    if let Some([low, high]) = joint.range {
-                        if joint.range_softness.is_none()
-                            && (q < low as f32 as f64 || q > high as f32 as f64)
-                        {
-                            far += 1;
-                            if v == 0.0 {
-                                ends += 1;
-                            }
-                        }
-                    }
-                }
-                for free in 0..task.free_bodies.len() {
-                    fastest =
-                        fastest.max(after.velocities[task.joints.len() + 3 * free + 2].1.abs() * h);
-                }
-                if env.statuses()[0] != seedbed_env::Status::Running {
-                    env.reset(0, &mut random);
-                }
-            }
-            println!(
-                "TASK {name} own {own} linked {linked:?} policy {policy}: fastest {fastest:.4} rad/substep; beyond {far}, stopped {ends}"
-            );
-        }
-    }
-
 }
