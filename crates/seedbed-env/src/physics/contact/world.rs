@@ -12,7 +12,7 @@ use super::super::geometry::oriented_line;
 use super::super::vector;
 use super::build::WorldTemplate;
 use super::link::Root;
-use crate::dynamics::CoordinateColumns;
+use crate::dynamics::{CoordinateColumns, Passage};
 use crate::kinematics::Frame;
 use crate::{Force, ForceSource, caught_panic};
 
@@ -26,6 +26,12 @@ pub(super) struct World {
     terrains: Vec<(usize, Option<SharedShape>)>,
     /// Whether the copy is live.
     pub(super) live: bool,
+    /// The first surface that was passed in the latest step.
+    #[serde(skip)]
+    pub(super) passage: Option<Passage>,
+    /// Where surfaces were before a contact update; memory that is used again in each.
+    #[serde(skip)]
+    surfaces_before: Vec<(Pose, f32)>,
 }
 
 impl World {
@@ -43,6 +49,8 @@ impl World {
             simulation: world,
             terrains: Vec::new(),
             live: false,
+            passage: None,
+            surfaces_before: template.passage_watch.buffer(),
         }
     }
 
@@ -166,13 +174,25 @@ impl World {
         controls: &[f32],
         copies: usize,
     ) -> bool {
+        self.passage = None;
+        let watch = &template.passage_watch;
+        // A restored world has none.
+        self.surfaces_before
+            .resize(template.collider_handles.len(), (Pose::IDENTITY, 0.0));
         for _ in 0..template.contact_updates {
             self.apply_controls(template, copy, controls, copies);
+            watch.begin(&self.simulation.bodies, &mut self.surfaces_before);
             // Rapier's limits of motors panic where coordinates are not finite.
             if caught_panic(|| self.simulation.step()).is_err() {
                 self.live = false;
                 return false;
             }
+            let PhysicsWorld {
+                bodies, colliders, ..
+            } = &self.simulation;
+            let before = &mut self.surfaces_before;
+            let passage = watch.find(template, bodies, colliders, before);
+            self.passage = self.passage.or(passage);
         }
         true
     }
