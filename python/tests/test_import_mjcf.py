@@ -17,6 +17,7 @@ import pytest
 import seedbed
 from seedbed.import_mjcf import MjcfError, convert
 from seedbed.import_mjcf.__main__ import main
+from seedbed.import_mjcf.bodies import Body
 from seedbed.import_mjcf.comparison import (
     Motion,
     Start,
@@ -27,6 +28,7 @@ from seedbed.import_mjcf.comparison import (
     without_constraints,
 )
 from seedbed.import_mjcf.conversion import Conversion, Options, convert_model
+from seedbed.import_mjcf.plane import Array
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 
@@ -100,7 +102,7 @@ CART_TASK = """Environment(
         // body "pole": pos, quat, inertial; no geoms
         (name: "pole", position: (0.0, 0.6), mass: 0.5, com: (0.2, 0.0), inertia: 0.2),
     ],
-    // axis, pos, range, damping, frictionloss, armature, stiffness, springref; bodies without joints are welded
+    // axis, pos, range, damping, frictionloss, armature, stiffness, springref; bodies without joints are parts of others
     // range_softness: solreflimit, solimplimit, as a spring that yields as far to a lasting force and recovers as fast
     joints: [
         (
@@ -339,6 +341,19 @@ def test_files_are_replaced_only_on_request(model: Write, capsys: pytest.Capture
     assert path.read_text() == text
     assert main([str(path), "--no-comparison", "--overwrite", "-o", str(path)]) == 0
     assert path.read_text().startswith("// Converted from model.xml")
+
+
+def test_the_folder_of_the_file_is_made_before_the_work(model: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = model(CART)
+    out = tmp_path / "envs" / "more" / "cart.ron"
+    assert main([str(path), "--no-comparison", "-o", str(out)]) == 0
+    assert out.read_text().startswith("// Converted from model.xml")
+    capsys.readouterr()
+    below_a_file = path / "cart.ron"
+    assert main(["no.xml", "--no-comparison", "-o", str(below_a_file)]) == 2
+    assert capsys.readouterr().err == f"error: {below_a_file}: its folder cannot be made: File exists\n"
+    assert main(["no.xml", "--no-comparison", "-o", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == f"error: {tmp_path}: expected the name of a file, found a folder\n"
 
 
 @pytest.mark.parametrize("arguments", [[], ["--no-comparison"]])
@@ -639,22 +654,74 @@ def test_start_poses_that_need_attention_are_warnings(model: Write) -> None:
     assert 'reset: [(joint: "knee", position: Constant(0.17453292519943295))]' in convert(path)
 
 
-def test_light_bodies_are_parts_of_those_that_they_are_welded_to(model: Write) -> None:
-    """A weld to a heavy body stays a body; one without mass, or a thousand times lighter, does not."""
-    text = convert(
-        model("""
-        <worldbody>
-          <body name="arm"><joint name="turn" axis="0 0 1"/><inertial pos="0.5 0 0" mass="2" diaginertia="1 1 1"/>
-            <body name="hand" pos="1 0 0"><inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
-              <body name="pin" pos="0.1 0 0"><inertial pos="0 0 0" mass="0.0005" diaginertia="1e-9 1e-9 1e-9"/></body>
-            </body>
-          </body>
-        </worldbody>""")
-    )
+WELDED = """
+    <option {fluid}/>
+    <worldbody>
+      <body name="arm"><joint name="turn" axis="0 0 1"/><inertial pos="0.5 0 0" mass="2" diaginertia="1 1 1"/>
+        <body name="hand" pos="1 0 0"><inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+          <body name="pin" pos="0.1 0 0"><inertial pos="0 0 0" mass="0.0005" diaginertia="1e-9 1e-9 1e-9"/></body>
+        </body>
+      </body>
+    </worldbody>"""
+
+
+def test_bodies_without_joints_are_parts_of_those_that_they_hang_on(model: Write) -> None:
+    text = convert(model(WELDED.format(fluid="")))
+    assert "Weld" not in text and 'name: "hand"' not in text
+    assert "mass: 3.0005," in text
+    assert 'without joints, and a part of it: body "hand", body "pin"' in text
+
+
+def test_in_a_fluid_only_light_bodies_are_parts_of_others(model: Write) -> None:
+    """The fluid resists each body: one that is a thousand times lighter than the body that it hangs on is left out."""
+    text = convert(model(WELDED.format(fluid='density="1000"')))
     assert 'name: "hand_weld", parent: "arm", child: "hand", type: Weld' in text
     assert 'name: "pin"' not in text
     assert "mass: 1.0005," in text
-    assert 'body "pin", without joints and much lighter, is a part of it' in text
+    assert 'without joints, and a part of it: body "pin"' in text
+
+
+def test_welded_bodies_move_as_in_mujoco(model: Write) -> None:
+    """A thousand times heavier bodies on light ones, nested, with turned frames, geoms, a rope's site and a hinge on them:
+    mass, center of mass and inertia are those of MuJoCo's composite body, and so is the motion."""
+    path = model("""
+        <option timestep="0.002"/>
+        <default><geom contype="0" conaffinity="0"/></default>
+        <worldbody>
+          <body name="rod">
+            <joint name="first" axis="0 1 0" damping="0.1"/>
+            <geom type="capsule" fromto="0 0 0 0.3 0 0.1" size="0.02" mass="0.01"/>
+            <body name="frame" pos="0.3 0 0.1" euler="0 40 0">
+              <geom type="box" pos="0.1 0 0.05" size="0.1 0.1 0.05" mass="10"/>
+              <body name="weight" pos="0.1 0 0.2" euler="0 -70 0">
+                <inertial pos="0.03 0 0.1" mass="3" diaginertia="0.1 0.2 0.15"/>
+                <body name="end" pos="0 0 -0.2">
+                  <joint name="second" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.05" mass="4"/>
+                </body>
+              </body>
+            </body>
+          </body>
+        </worldbody>
+        <actuator><motor joint="first" gear="5" ctrlrange="-1 1" ctrllimited="true"/></actuator>""")
+    conversion = convert_model(path, Options())
+    [rod, end] = conversion.bodies.bodies.values()
+    assert rod.mass == pytest.approx(13.01, rel=1e-12)
+    # MuJoCo's composite inertia of the whole tree is about the tree's center of mass: Steiner's theorem for both parts.
+    center = np.array(conversion.source.data.subtree_com[rod.index])[[0, 2]]
+    own = [body.inertia + body.mass * np.sum((world_point(body) - center) ** 2) for body in (rod, end)]
+    mujoco.mj_crb(conversion.source.model, conversion.source.data)
+    assert sum(own) == pytest.approx(float(conversion.source.data.crb[rod.index][1]), rel=1e-9)
+    ours, theirs = free_motions(path, 5, 40, Start({"first": 0.3}, {"first": 1.0, "second": -2.0}))
+    errors = [one.differences(theirs, 40)[0] for one in ours]
+    assert errors[2] < 0.01
+    assert errors[2] < 0.6 * errors[1] < 0.36 * errors[0]
+
+
+def world_point(body: Body) -> Array:
+    """Center of mass of a body in the plane at the reference pose."""
+    cosine, sine = np.cos(body.frame.angle), np.sin(body.frame.angle)
+    x, y = body.com
+    return body.frame.origin + np.array([cosine * x - sine * y, sine * x + cosine * y])
 
 
 @pytest.mark.parametrize(

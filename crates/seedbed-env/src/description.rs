@@ -126,10 +126,13 @@ pub struct Body {
     /// Lengths of the box as which the body moves through a fluid, m: along the body's x and y, and
     /// perpendicular to the plane. A fluid does not resist a body without it.
     pub fluid_box: Option<[f64; 3]>,
+    /// Whether contacts of the body are also searched for along its path, so that it passes nothing
+    /// however fast it is. Only free bodies without joints can have this.
+    pub ccd: bool,
 }
 
 /// How a body resists forces.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Inertial {
     /// Mass, kg.
     pub mass: f64,
@@ -454,6 +457,17 @@ impl BodyTask {
             names.extend(["x", "y", "angle"].map(|axis| format!("{body}.{axis}")));
         }
         names
+    }
+
+    /// Time of a substep of the solver, s.
+    #[must_use]
+    pub fn substep(&self) -> f64 {
+        let Solver {
+            substeps,
+            contact_updates,
+            ..
+        } = self.solver;
+        self.spec.control_step / f64::from(substeps) / f64::from(contact_updates)
     }
 
     /// The coordinates at the reference poses: 0 for joints.

@@ -43,6 +43,17 @@ pub trait Dynamics: Send {
         0.0
     }
 
+    /// The first surface that a body of `copy` passed in the latest step without touching it. Without
+    /// colliders there is none.
+    fn passage(&self, _copy: usize) -> Option<Passage> {
+        None
+    }
+
+    /// Whether [`passage`](Self::passage) finds anything in any copy.
+    fn has_passages(&self) -> bool {
+        false
+    }
+
     /// The whole state of one copy as bytes, from which [`restore`](Self::restore) continues with
     /// the same bits.
     fn save(&self, copy: usize) -> Vec<u8>;
@@ -52,6 +63,17 @@ pub trait Dynamics: Send {
     /// # Errors
     /// The bytes are not a state of this task.
     fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String>;
+}
+
+/// A body passed a surface between two searches for contacts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passage {
+    /// Index of the collider that passed the other one.
+    pub mover: usize,
+    /// Index of the other collider.
+    pub obstacle: usize,
+    /// How far both moved in between, m.
+    pub moved: f32,
 }
 
 /// Positions and velocities of the coordinates of M copies: `[coordinates × M]`, one column per

@@ -16,9 +16,10 @@ use super::expression::{Evaluator, Program, ValueTable, copy_values};
 use super::sensing::SensorReader;
 use super::tabular::TabularEnvironment;
 use super::terrain::TerrainGenerator;
+use super::watch::Watch;
 use super::{
-    Choice, Environment, Force, GivenStart, Physics, Pose, Scene, StartNames, Status, TaskSpec,
-    analytic, forces, physics,
+    Choice, Environment, Force, GivenStart, Physics, PhysicsWarning, Pose, Scene, StartNames,
+    Status, TaskSpec, analytic, forces, physics,
 };
 use crate::input::InputError;
 use crate::random::{Purpose, Stream, stream};
@@ -97,6 +98,7 @@ struct BodyEnvironment {
     /// Whether the reward or the termination reads values before the step.
     reads_previous: bool,
     episodes: EpisodeStates,
+    watch: Watch,
     /// Start coordinates and velocities of the copy that is being reset: `[coordinates]`.
     start: [Vec<f64>; 2],
 }
@@ -159,6 +161,7 @@ impl BodyEnvironment {
             reads_previous: formulas.reward.reads(&previous_columns)
                 || formulas.terminated.reads(&previous_columns),
             episodes: EpisodeStates::new(copies, columns.observation_count),
+            watch: Watch::new(task, copies),
             sensors: SensorReader::new(task, copies),
             terrains: TerrainGenerator::all(&task.colliders),
             start: [
@@ -264,7 +267,19 @@ impl Environment for BodyEnvironment {
                 .columns(self.columns.first_action()..self.columns.first_previous_value()),
         );
         self.observe(0..self.copies());
+        let observations = self.columns.first_observation();
+        let observations = observations..observations + self.columns.observation_count;
+        self.watch.look(
+            &*self.dynamics,
+            self.table.columns(observations),
+            &self.episodes.statuses,
+            &self.episodes.steps,
+        );
         self.compute_rewards_and_statuses();
+    }
+
+    fn physics_warning(&self, copy: usize) -> Option<PhysicsWarning> {
+        self.watch.warning(copy, &self.task)
     }
 
     fn observations(&self) -> &[f32] {
@@ -316,6 +331,7 @@ impl Environment for BodyEnvironment {
         self.episodes.statuses[copy] = saved.status;
         self.episodes.steps[copy] = saved.steps;
         self.episodes.step_seeds[copy] = saved.step_seed;
+        self.watch.begin(copy);
         Ok(())
     }
 
@@ -461,6 +477,7 @@ impl BodyEnvironment {
         self.episodes.rewards[copy] = 0.0;
         self.episodes.statuses[copy] = Status::Running;
         self.episodes.steps[copy] = 0;
+        self.watch.begin(copy);
         self.observe(copy..copy + 1);
     }
 

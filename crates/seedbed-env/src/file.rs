@@ -176,6 +176,10 @@ pub struct Body {
     /// perpendicular to the plane. By default the fluid does not resist it.
     #[serde(default)]
     pub fluid_box: Option<(Positive, Positive, Positive)>,
+    /// Whether contacts are also searched for along the body's path (continuous collision detection),
+    /// so that it does not pass thin surfaces however fast it is. For bodies without joints only.
+    #[serde(default)]
+    pub ccd: Option<Located<bool>>,
     /// Forces on the body, given by formulas.
     #[serde(default, deserialize_with = "short_list")]
     pub forces: Vec<Force>,

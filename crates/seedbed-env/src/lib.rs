@@ -48,16 +48,21 @@ pub mod file;
 mod forces;
 pub mod input;
 pub mod kinematics;
+mod parameters;
 pub mod physics;
 pub mod random;
 mod sensing;
 pub mod tabular;
 mod terrain;
+mod trial;
+mod watch;
 
 pub use caught_panic::caught_panic;
 pub use description::TaskDescription;
 pub use environment::{build, build_dynamics};
 pub use file::{load, load_from, parse};
+pub use trial::physics_warnings;
+pub use watch::PhysicsWarning;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -201,6 +206,12 @@ pub trait Environment: Send {
 
     /// Whether the episode of each copy is running, and if not, how it ended: `[M]`.
     fn statuses(&self) -> &[Status];
+
+    /// The first thing in the present or latest episode of `copy` that the physics cannot have computed
+    /// well, such as a velocity far beyond its range. It may allocate. The default has none.
+    fn physics_warning(&self, _copy: usize) -> Option<PhysicsWarning> {
+        None
+    }
 
     /// The whole state of one copy as bytes, from which [`restore`](Self::restore) continues with
     /// the same bits.

@@ -52,6 +52,8 @@ pub enum Purpose {
     /// The numbers of a task of rigid bodies that are drawn in each step. A number that is drawn at the
     /// start of the episode takes the place of the run seed, the step that of the agent.
     StepNumbers = 16,
+    /// Start states and actions with which a task is tried before it is used.
+    Trial = 17,
     /// The MDP of a tabular task, drawn from its prior once per run or, with `drawn_with`, once for
     /// all runs.
     TabularTask = 40,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
@@ -74,13 +75,24 @@ def positive(text: str) -> int:
 
 
 def check_output(output: str | None, may_replace: bool) -> None:
-    """Nothing that people wrote is lost.
+    """Nothing that people wrote is lost, and nothing is computed that cannot be written. Makes the folder.
 
     Raises:
-        MjcfError: There is a file of this name.
+        MjcfError: There is a file of this name, or no such file can be written.
     """
-    if output is not None and not may_replace and Path(output).exists():
+    if output is None:
+        return
+    path = Path(output)
+    if path.is_dir():
+        raise MjcfError([f"{output}: expected the name of a file, found a folder"])
+    if path.exists() and not may_replace:
         raise MjcfError([f"{output}: there is such a file: expected another name, or --overwrite to replace it"])
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise MjcfError([f"{output}: its folder cannot be made: {error.strerror}"]) from None
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise MjcfError([f"{output}: it cannot be written: permission denied"])
 
 
 def report_changes(conversion: Conversion) -> None:

@@ -11,7 +11,7 @@ from .plane import TOLERANCE, WORLD, Array, Frame, Plane
 from .source import Source
 
 LIGHT = 1e-3
-"""A body that is welded to another one and is lighter than this part of it is a part of that body."""
+"""In a fluid, a body that is welded to another one and is lighter than this part of it is a part of that body."""
 
 MIN_VALUE = 1e-15
 """MuJoCo's smallest positive number, in its model of fluids."""
@@ -68,8 +68,8 @@ class Bodies:
 def find_bodies(source: Source, plane: Plane) -> Bodies:
     """All bodies that move.
 
-    Bodies that cannot move are parts of the world. A body without mass that is welded to another one is a part of that
-    body, as is one that is much lighter.
+    Bodies that cannot move are parts of the world. A body without joints is a part of the body that it hangs on, as
+    MuJoCo computes it. In a fluid, which resists the motion of each body, it is so only if it is much lighter.
     """
     check_gravity_compensation(source)
     owner = find_owners(source)
@@ -97,7 +97,7 @@ def find_owners(source: Source) -> list[int]:
     owner: list[int] = []
     for index in range(model.nbody):
         parent = owner[int(model.body_parentid[index])] if index else 0
-        is_part = model.body_jntnum[index] == 0 and is_light(source, index, parent)
+        is_part = model.body_jntnum[index] == 0 and (not has_fluid(source) or is_light(source, index, parent))
         owner.append(parent if is_part or model.body_weldid[index] == 0 else index)
         if model.body_mocapid[index] >= 0:
             source.report.warning(source.label("body", index), "mocap is left out: it does not move")

@@ -132,7 +132,7 @@ def comments(conversion: Conversion) -> dict[str, str]:
         + listed(conversion, world_geoms(conversion, True)),
         "ropes": "tendon spatial: site, range",
         "bodies": "position, angle: body pos, quat at the reference pose; mass, com, inertia: from inertial or from the geoms, as MuJoCo does",
-        "joints": "axis, pos, range, damping, frictionloss, armature, stiffness, springref; bodies without joints are welded\n"
+        "joints": "axis, pos, range, damping, frictionloss, armature, stiffness, springref; bodies without joints are parts of others\n"
         "range_softness: solreflimit, solimplimit, as a spring that yields as far to a lasting force and recovers as fast",
         "actuators": "gear, gainprm, biasprm, ctrlrange of actuators",
         "reset": start_comment(conversion),
@@ -277,7 +277,7 @@ def body_comment(conversion: Conversion, body: Body, geoms: list[int]) -> str:
         text += "; its axes are not those of MJCF"
     if len(body.members) > 1:
         parts = ", ".join(source.label("body", member) for member in body.members[1:])
-        text += f"; {parts}, without joints and much lighter, is a part of it"
+        text += f"; without joints, and a part of it: {parts}"
     return text
 
 

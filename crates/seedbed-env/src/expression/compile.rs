@@ -257,7 +257,20 @@ impl Compiler<'_> {
             .zip(parameters)
             .map(|(argument, &kind)| self.compile_as(argument, kind));
         let values = values.collect::<Result<Vec<_>, _>>()?;
-        Ok((self.emit(operation, values), operation.result()))
+        check_constants(operation, &values, arguments)?;
+        let value = self.emit(operation, values);
+        if let Value::Constant(constant) = value
+            && !constant.is_finite()
+        {
+            return Err(error(
+                start_of(arguments[0]),
+                format!(
+                    "{} is {constant} here: expected a finite number",
+                    operation.description()
+                ),
+            ));
+        }
+        Ok((value, operation.result()))
     }
 
     /// The operation's value: computed here if all operands are constant, else by an instruction.
@@ -358,12 +371,42 @@ impl ExpressionError {
     }
 }
 
+/// Checks that an operation has a meaning for those of its operands that are constant.
+fn check_constants(
+    operation: Operation,
+    values: &[Value],
+    arguments: &[&Expr],
+) -> Result<(), ExpressionError> {
+    let fault = match (operation, values) {
+        (Operation::Clamp, [_, Value::Constant(low), Value::Constant(high)]) if low > high => {
+            let message = format!(
+                "`clamp` takes a number, a minimum and a maximum: the minimum {low} is above the maximum {high}"
+            );
+            Some((1, message))
+        }
+        (Operation::Divide, [_, Value::Constant(0.0)]) => Some((1, "a division by 0".to_owned())),
+        (Operation::Remainder, [_, Value::Constant(0.0)]) => {
+            Some((1, "the remainder of a division by 0".to_owned()))
+        }
+        _ => None,
+    };
+    fault.map_or(Ok(()), |(argument, message)| {
+        Err(error(start_of(arguments[argument]), message))
+    })
+}
+
 fn literal_value(literal: &ExprLit) -> TypedValueResult {
+    let is_lost = |number: f32, digits: &str| {
+        number.abs() < f32::MIN_POSITIVE && digits.parse::<f64>() != Ok(0.0)
+    };
     let parse_number = |digits: &str, suffix: &str| match digits.parse::<f32>() {
         _ if !suffix.is_empty() => Err(error(
             literal.lit.span(),
             format!("a number takes no suffix, found `{suffix}`"),
         )),
+        Ok(number) if is_lost(number, digits) => {
+            Err(error(literal.lit.span(), "the number is too small"))
+        }
         Ok(number) if number.is_finite() => Ok((Value::Constant(number), Type::Number)),
         _ => Err(error(literal.lit.span(), "the number is too large")),
     };

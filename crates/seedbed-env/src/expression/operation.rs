@@ -91,6 +91,14 @@ operations! {
 }
 
 impl Operation {
+    /// The operation in a message: that of a function is its name.
+    pub(super) fn description(self) -> String {
+        let function = FUNCTIONS
+            .iter()
+            .find(|name| Self::named(name) == Some(self));
+        function.map_or_else(|| "the result".to_owned(), |name| format!("`{name}`"))
+    }
+
     /// Number of operands.
     pub(super) fn argument_count(self) -> usize {
         self.parameters().len()

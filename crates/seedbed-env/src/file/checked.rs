@@ -160,11 +160,19 @@ impl TryFrom<(f64, f64)> for Vector {
     type Error = String;
 
     fn try_from((x, y): (f64, f64)) -> Result<Self, String> {
-        if x.is_finite() && y.is_finite() {
-            Ok(Self([x, y]))
-        } else {
-            Err(format!("expected finite numbers, found ({x}, {y})"))
+        if !x.is_finite() || !y.is_finite() {
+            return Err(format!("expected finite numbers, found ({x}, {y})"));
         }
+        // Physics runs in single precision.
+        if [x, y]
+            .iter()
+            .any(|number| number.abs() > f64::from(f32::MAX))
+        {
+            return Err(format!(
+                "the vector ({x:e}, {y:e}) does not fit into numbers of single precision"
+            ));
+        }
+        Ok(Self([x, y]))
     }
 }
 

@@ -11,7 +11,9 @@ use crate::description::{self, BodyTask, ColumnLayout, Formulas, Inertial};
 use crate::expression::{Program, Type, Variable, compile};
 use crate::input::numbers::{FiniteNumber, Positive};
 use crate::input::{Located, ValidationError};
-use crate::{Quantity, Scene, SceneBody, SceneRope, SceneRopeEnd, Shape, TaskSpec, physics};
+use crate::{
+    Quantity, Scene, SceneBody, SceneRope, SceneRopeEnd, Shape, TaskSpec, caught_panic, physics,
+};
 
 /// The name of the body that does not move, to which joints without a parent body are attached.
 const WORLD: &str = "world";
@@ -51,6 +53,7 @@ impl<'a> Resolver<'a> {
         self.check_names()?;
         self.check_fluid_boxes()?;
         self.check_terrains()?;
+        self.check_ccd()?;
         let colliders = self.colliders()?;
         let bodies = file
             .bodies
@@ -536,6 +539,7 @@ fn body(body: &Body) -> Result<description::Body, ValidationError> {
             .map(|(x, y, depth)| [x.get(), y.get(), depth.get()]),
         inertial: inertial(body, &shapes)?,
         shapes,
+        ccd: body.ccd.as_ref().is_some_and(|ccd| **ccd),
     })
 }
 
@@ -543,7 +547,8 @@ fn body(body: &Body) -> Result<description::Body, ValidationError> {
 /// the shapes.
 fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> {
     let mass = body.mass.get();
-    let inertial_of_shapes = physics::inertial(mass, shapes);
+    // Parry panics at some shapes.
+    let inertial_of_shapes = caught_panic(|| physics::inertial(mass, shapes)).unwrap_or_default();
     let given_com = body.com.map(super::Vector::get);
     let com = given_com.or(inertial_of_shapes.map(|shapes| shapes.com));
     let given_inertia = body.inertia.map(Positive::get);
@@ -553,11 +558,20 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> 
             body.name.as_ref()
         )));
     };
-    Ok(Inertial {
-        mass,
-        com: com.unwrap_or_default(),
-        inertia,
-    })
+    let com = com.unwrap_or_default();
+    if !is_single(inertia) || com.iter().any(|along| !(*along as f32).is_finite()) {
+        return Err(body.name.error(format!(
+            "the shapes of body `{}` give it the inertia {inertia:e} kg m², which does not fit into a number of \
+             single precision: give it an `inertia`, or change its mass or shapes",
+            body.name.as_ref()
+        )));
+    }
+    Ok(Inertial { mass, com, inertia })
+}
+
+/// Whether a number above 0 keeps its precision as an `f32`.
+fn is_single(number: f64) -> bool {
+    (number as f32).is_normal()
 }
 
 /// Position of the hinge about which a body turns, in the body's frame, m. A body that also slides

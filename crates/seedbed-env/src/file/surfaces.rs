@@ -1,14 +1,14 @@
 //! Shapes, and surfaces that touch each other: their schema, and what they mean.
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer, de};
 
 use super::resolve::Resolver;
 use super::{Direction, Name, Terrain, Vector};
 use crate::description::{self, Surface};
 use crate::input::limits::MAX_POINTS;
-use crate::input::numbers::{FiniteNumber, Fraction, NonNegative, Positive};
+use crate::input::numbers::{FiniteNumber, Fraction, Length, NonNegative};
 use crate::input::{Located, ValidationError};
-use crate::{Shape, physics};
+use crate::{Shape, caught_panic, physics};
 
 /// A shape that can touch other shapes.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -37,7 +37,7 @@ pub struct Collider {
 
 /// A shape in its body's frame.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(remote = "Self", deny_unknown_fields)]
 pub enum Geom {
     /// A disc.
     Ball {
@@ -45,7 +45,7 @@ pub enum Geom {
         #[serde(default)]
         center: Vector,
         /// Radius.
-        radius: Positive,
+        radius: Length,
     },
     /// A rectangle.
     Box {
@@ -53,7 +53,7 @@ pub enum Geom {
         #[serde(default)]
         center: Vector,
         /// Half width and half height.
-        half_size: (Positive, Positive),
+        half_size: (Length, Length),
         /// Rotation about the center.
         #[serde(default)]
         angle: Option<FiniteNumber>,
@@ -65,7 +65,7 @@ pub enum Geom {
         /// The other end.
         to: Vector,
         /// Half the thickness.
-        radius: Positive,
+        radius: Length,
     },
     /// The convex hull of at least three points.
     Convex(Points<3>),
@@ -85,7 +85,43 @@ pub enum Geom {
     Terrain(Terrain),
 }
 
+impl<'de> Deserialize<'de> for Geom {
+    /// Reads a shape, and checks where it is, so that an error points at it.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        // The function that `remote` derives.
+        let geom = Self::deserialize(deserializer)?;
+        let is_far = |point: &Vector| point.get().iter().any(|along| along.abs() > FARTHEST);
+        match geom.points().iter().find(|point| is_far(point)) {
+            Some(far) => {
+                let [x, y] = far.get();
+                Err(de::Error::custom(format!(
+                    "expected points of shapes within {FARTHEST} m of the origin, found ({x:?}, {y:?})"
+                )))
+            }
+            None => Ok(geom),
+        }
+    }
+}
+
+/// Maximum of the coordinates of a shape's points, m.
+pub(super) const FARTHEST: f64 = 1e6;
+
+/// Minimum distance of points that belong to different corners, m.
+const NEAREST: f64 = 1e-6;
+
 impl Geom {
+    /// The points that say where the shape is.
+    fn points(&self) -> Vec<Vector> {
+        match self {
+            Self::Ball { center, .. } | Self::Box { center, .. } => vec![*center],
+            Self::Capsule { from, to, .. } => vec![*from, *to],
+            Self::Convex(points) => points.0.clone(),
+            Self::Polyline(points) => points.0.clone(),
+            Self::HalfSpace { point, .. } => vec![*point],
+            Self::Terrain(_) => Vec::new(),
+        }
+    }
+
     fn terrain(&self) -> Option<&Terrain> {
         match self {
             Self::Terrain(terrain) => Some(terrain),
@@ -107,6 +143,15 @@ impl<const MIN: usize> Points<MIN> {
             .iter()
             .map(|point| point.get().map(|value| value as f32))
             .collect()
+    }
+
+    /// Index of the first point, from 0, that the next one repeats.
+    fn repeated(&self) -> Option<usize> {
+        let points = self.get();
+        points.array_windows().position(|[one, next]| {
+            let [x, y] = [0, 1].map(|axis| f64::from(next[axis]) - f64::from(one[axis]));
+            x.hypot(y) < NEAREST
+        })
     }
 }
 
@@ -149,7 +194,7 @@ impl Resolver<'_> {
         collider: &Collider,
     ) -> Result<description::Collider, ValidationError> {
         check_geom(body, collider)?;
-        Ok(description::Collider {
+        let resolved = description::Collider {
             name: collider.name.as_ref().map(|name| name.as_ref().to_owned()),
             body,
             surface: match &*collider.geom {
@@ -160,7 +205,41 @@ impl Resolver<'_> {
             restitution: collider.restitution.map_or(0.0, Fraction::get),
             contype: collider.contype,
             conaffinity: collider.conaffinity,
-        })
+        };
+        // Parry panics at some shapes.
+        match caught_panic(|| physics::check_surface(&resolved)) {
+            Ok(()) => Ok(resolved),
+            Err(reason) => Err(collider.geom.error(format!(
+                "the physics engine cannot use this shape: {reason}"
+            ))),
+        }
+    }
+
+    /// Checks that only bodies without joints have continuous collision detection: it would move others
+    /// without their joints.
+    pub(super) fn check_ccd(&self) -> Result<(), ValidationError> {
+        for body in &self.file.bodies {
+            let name = body.name.as_ref();
+            let Some(ccd) = body.ccd.as_ref().filter(|ccd| ***ccd) else {
+                continue;
+            };
+            if body.colliders.is_empty() {
+                return Err(ccd.error(format!(
+                    "body `{name}` has no `colliders`: `ccd` needs something that can touch"
+                )));
+            }
+            let mut joints = self.file.joints.iter();
+            if let Some(joint) = joints.find(|joint| *joint.child == name || *joint.parent == name)
+            {
+                return Err(ccd
+                    .error(format!(
+                        "`ccd` is for bodies without joints, but joint `{}` holds body `{name}`",
+                        joint.name.as_ref()
+                    ))
+                    .with_help("raise `solver.searches`, or make the surfaces thicker"));
+            }
+        }
+        Ok(())
     }
 
     /// Checks that terrains are colliders of the task, and not shapes that are only drawn.
@@ -189,12 +268,21 @@ fn check_geom(body: Option<usize>, collider: &Collider) -> Result<(), Validation
              task, not of a body",
         ));
     }
-    if matches!(*collider.geom, Geom::Convex(_))
-        && physics::inertial(1.0, &[shape(&collider.geom)]).is_none()
-    {
-        return Err(collider
-            .geom
-            .error("the points of a convex collider must not all lie on one line"));
+    match &*collider.geom {
+        Geom::Convex(_) if physics::inertial(1.0, &[shape(&collider.geom)]).is_none() => {
+            return Err(collider
+                .geom
+                .error("the points of a convex collider must not all lie on one line"));
+        }
+        Geom::Polyline(points) => {
+            if let Some(index) = points.repeated() {
+                return Err(collider.geom.error(format!(
+                    "points {index} and {} of the line are the same in single precision: remove one of them",
+                    index + 1
+                )));
+            }
+        }
+        _ => {}
     }
     Ok(())
 }

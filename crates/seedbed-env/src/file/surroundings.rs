@@ -5,7 +5,7 @@ use serde::Deserialize;
 use super::resolve::Resolver;
 use super::{Body, Name, Vector};
 use crate::description;
-use crate::input::numbers::{NonNegative, Positive};
+use crate::input::numbers::{Length, NonNegative, Positive};
 use crate::input::{Located, ValidationError};
 
 /// A maximum distance between two points. It pulls when it is taut and never pushes.
@@ -19,7 +19,7 @@ pub struct Rope {
     /// The other end.
     pub to: RopeEnd,
     /// Maximum distance of the ends, m.
-    pub length: Positive,
+    pub length: Length,
 }
 
 /// A point that a rope is tied to.

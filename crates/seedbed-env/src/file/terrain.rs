@@ -3,11 +3,12 @@
 use serde::Deserialize;
 
 use super::resolve::{Resolver, check_unique, formula, resolved};
+use super::surfaces::FARTHEST;
 use super::{DrawnNumber, Name};
 use crate::description;
 use crate::expression::{Type, Variable};
 use crate::input::limits::short_list;
-use crate::input::numbers::{Count, FiniteNumber, Positive};
+use crate::input::numbers::{Count, FiniteNumber, Length};
 use crate::input::{Located, ValidationError};
 
 /// A line of points at equal distances along x, whose heights are drawn at the start of each episode.
@@ -17,7 +18,7 @@ pub struct Terrain {
     /// x of the first point, m.
     pub from: FiniteNumber,
     /// Distance of neighboring points along x, m.
-    pub spacing: Positive,
+    pub spacing: Length,
     /// Number of points, at least 2.
     pub points: Located<Count<1000>>,
     /// Numbers that are drawn for each point.
@@ -42,6 +43,22 @@ pub struct TerrainValue {
     pub next: Located<String>,
 }
 
+impl Terrain {
+    /// Checks that neighboring points differ in single precision.
+    fn check_extent(&self) -> Result<(), ValidationError> {
+        let (from, spacing) = (self.from.get(), self.spacing.get());
+        let end = from + spacing * f64::from(self.points.get() - 1);
+        let farthest = from.abs().max(end.abs());
+        if farthest <= FARTHEST && spacing >= 8.0 * f64::from(f32::EPSILON) * farthest {
+            return Ok(());
+        }
+        Err(self.points.error(format!(
+            "points at a distance of {spacing:?} m from {from:?} m to {end:?} m cannot be told apart in single \
+             precision: expected x within {FARTHEST:?} m of 0, and a larger spacing"
+        )))
+    }
+}
+
 /// Name of the number of the point, from 0, in the formulas of a terrain.
 const INDEX: &str = "index";
 
@@ -53,6 +70,7 @@ impl Resolver<'_> {
         if terrain.points.get() < 2 {
             return Err(terrain.points.error("expected at least 2 points, found 1"));
         }
+        terrain.check_extent()?;
         let mut variables = self.drawn_variables();
         let index_column = variables.len();
         let drawn = terrain.drawn.iter().map(|number| &number.name);

@@ -99,14 +99,28 @@ pub(crate) fn after_first_word(text: &str) -> usize {
     offset_of(word, text) + word.len()
 }
 
+/// Length of the comment with which `text` begins; `None` if it does not end. Block comments nest.
+pub(crate) fn block_comment_length(text: &str) -> Option<usize> {
+    let (mut depth, mut at) = (0, 0);
+    loop {
+        let rest = text.get(at..)?;
+        let (open, close) = (rest.find("/*"), rest.find("*/")?);
+        match open {
+            Some(open) if open < close => (depth, at) = (depth + 1, at + open + 2),
+            _ if depth == 1 => return Some(at + close + 2),
+            _ => (depth, at) = (depth - 1, at + close + 2),
+        }
+    }
+}
+
 /// The first word behind comments and attributes. It is a slice of `text`, even if it is empty.
 fn first_word(text: &str) -> &str {
     let mut rest = text.trim_start();
     loop {
         let skipped = if let Some(comment) = rest.strip_prefix("//") {
             &comment[comment.find('\n').unwrap_or(comment.len())..]
-        } else if let Some(comment) = rest.strip_prefix("/*") {
-            &comment[comment.find("*/").map_or(comment.len(), |end| end + 2)..]
+        } else if rest.starts_with("/*") {
+            &rest[block_comment_length(rest).unwrap_or(rest.len())..]
         } else if let Some(attribute) = rest.strip_prefix("#!") {
             &attribute[attribute.find(']').map_or(attribute.len(), |end| end + 1)..]
         } else {

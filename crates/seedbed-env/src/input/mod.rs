@@ -26,8 +26,8 @@ pub use error::{InputError, Position};
 pub use files::{
     Disk, FileSource, find_upwards, folders_upwards, is_ron, read_text, read_text_from,
 };
-pub(crate) use kind::after_first_word;
 pub use kind::{FileKind, file_kind};
+pub(crate) use kind::{after_first_word, block_comment_length};
 use located::deserialize;
 pub use located::{Document, Located, ValidationError};
 pub use names::{nearest_name, quoted_list};

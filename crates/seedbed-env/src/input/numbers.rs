@@ -73,6 +73,12 @@ ranged_number!(
     "a number above 0"
 );
 ranged_number!(
+    /// A length with which shapes can be computed in single precision, m.
+    Length,
+    |value| (1e-6..=1e6).contains(&value),
+    "a length from 0.000001 to 1000000 m"
+);
+ranged_number!(
     /// A number above 0 and at most 10.
     PositiveUpTo10,
     |value| value > 0.0 && value <= 10.0,

@@ -189,6 +189,9 @@ fn the_kind_of_a_file_is_its_first_word() {
     assert_eq!(kind("Study()"), Ok(FileKind::Study));
     let commented = "// one\n/* two */ #![enable(implicit_some)]\nScenario (";
     assert_eq!(kind(commented), Ok(FileKind::Scenario));
+    // RON's block comments nest.
+    let nested = "/* a /* b */ c /**/ d */ Environment(";
+    assert_eq!(kind(nested), Ok(FileKind::Environment));
     for text in ["", "  \n", "// a comment", "/* never ends"] {
         let error = kind(text).unwrap_err();
         assert_eq!(error.position, None, "{text}");

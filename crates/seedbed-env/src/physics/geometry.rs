@@ -93,6 +93,18 @@ impl Geometry {
     }
 }
 
+/// Makes the shape of a collider as worlds do. It panics if Parry cannot.
+pub(crate) fn check_surface(collider: &description::Collider) {
+    let PlacedShape { shape, pose, .. } = PlacedShape::new(collider);
+    // A half-space is infinite.
+    let bounds = shape.compute_aabb(&pose);
+    let is_finite = bounds.mins.is_finite() && bounds.maxs.is_finite();
+    assert!(
+        is_finite || shape.as_halfspace().is_some(),
+        "it has no finite extent"
+    );
+}
+
 impl PlacedShape {
     pub(super) fn new(collider: &description::Collider) -> Self {
         let (shape, pose) = shape(&collider.surface);
@@ -153,10 +165,9 @@ pub(super) fn oriented_line(points: &[[f32; 2]]) -> SharedShape {
     ))
 }
 
-/// The convex hull of some points, or the line through them if they have none.
-fn convex_hull(points: &[[f32; 2]]) -> SharedShape {
-    let corners = vectors(points);
-    SharedShape::convex_hull(&corners).unwrap_or_else(|| SharedShape::polyline(corners, None))
+/// The convex hull of some points that [`has_area`](super::shape::has_area).
+pub(super) fn convex_hull(points: &[[f32; 2]]) -> SharedShape {
+    SharedShape::convex_hull(&vectors(points)).expect("convex colliders have an area")
 }
 
 fn vectors(points: &[[f32; 2]]) -> Vec<Vector> {

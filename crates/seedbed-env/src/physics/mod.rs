@@ -23,6 +23,7 @@ use self::body::{Rotor, SavedBody};
 use self::constraint::CoordinateConstraint;
 pub use self::contact::ContactWorlds;
 pub use self::geometry::Geometry;
+pub(crate) use self::geometry::check_surface;
 use self::joint::RapierJoint;
 pub use self::shape::inertial;
 use self::turns::FarTurns;

@@ -45,12 +45,49 @@ fn properties_at_unit_density(shape: &Shape) -> Option<MassProperties> {
             Capsule::new(Vector::from_array(*from), Vector::from_array(*to), *radius)
                 .mass_properties(1.0),
         ),
+        Shape::Polygon(points) if !has_area(points) => None,
         Shape::Polygon(points) => {
             let points: Vec<_> = points.iter().copied().map(Vector::from_array).collect();
             ConvexPolygon::from_convex_hull(&points).map(|polygon| polygon.mass_properties(1.0))
         }
         Shape::Polyline(_) => None,
     }
+}
+
+/// Minimum width of a convex hull, m, and minimum of its share of the hull's longest extent. Parry does
+/// not find the hull of narrower ones, or panics.
+const MIN_WIDTH: f64 = 1e-6;
+const MIN_RELATIVE_WIDTH: f64 = 1e-5;
+
+/// Whether the convex hull of some points is wide enough to be computed in single precision. The width
+/// is that across the line from the first point to the one that is farthest from it, at most twice the
+/// minimum width.
+fn has_area(points: &[[f32; 2]]) -> bool {
+    let from_first = points
+        .iter()
+        .map(|point| [0, 1].map(|axis| f64::from(point[axis]) - f64::from(points[0][axis])));
+    let length = |[x, y]: [f64; 2]| x.hypot(y);
+    let farthest = from_first
+        .clone()
+        .max_by(|one, other| length(*one).total_cmp(&length(*other)));
+    let Some(farthest) = farthest.filter(|farthest| length(*farthest) > 0.0) else {
+        return false;
+    };
+    let extent = length(farthest);
+    let across = from_first.map(|[x, y]| (farthest[0] * y - farthest[1] * x) / extent);
+    let (low, high) = across.fold((0.0_f64, 0.0_f64), |(low, high), across| {
+        (low.min(across), high.max(across))
+    });
+    // Coordinates are rounded to a part of the distance from the origin.
+    let rounding = points
+        .iter()
+        .flatten()
+        .fold(0.0_f64, |max, x| max.max(f64::from(x.abs())))
+        * f64::from(f32::EPSILON);
+    high - low
+        >= MIN_WIDTH
+            .max(MIN_RELATIVE_WIDTH * extent)
+            .max(8.0 * rounding)
 }
 
 fn pose(center: [f32; 2], angle: f32) -> Pose {

@@ -8,6 +8,7 @@ mod contacts;
 mod contract;
 mod environments_page;
 mod episode_numbers;
+mod limits;
 mod physics;
 mod run_constants;
 mod several_joints;

@@ -123,23 +123,9 @@ fn skip_blank(text: &str, mut at: usize) -> Option<usize> {
         if trimmed.starts_with("//") {
             at += trimmed.find('\n').unwrap_or(trimmed.len());
         } else if trimmed.starts_with("/*") {
-            at += block_comment_length(trimmed)?;
+            at += input::block_comment_length(trimmed)?;
         } else {
             return Some(at);
-        }
-    }
-}
-
-/// Length of the comment with which `text` begins. Block comments nest.
-fn block_comment_length(text: &str) -> Option<usize> {
-    let (mut depth, mut at) = (0, 0);
-    loop {
-        let rest = text.get(at..)?;
-        let (open, close) = (rest.find("/*"), rest.find("*/")?);
-        match open {
-            Some(open) if open < close => (depth, at) = (depth + 1, at + open + 2),
-            _ if depth == 1 => return Some(at + close + 2),
-            _ => (depth, at) = (depth - 1, at + close + 2),
         }
     }
 }

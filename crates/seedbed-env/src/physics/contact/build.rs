@@ -14,6 +14,7 @@ use super::super::vector;
 use super::fluid::FluidBody;
 use super::joint_group::JointGroup;
 use super::link::{ControlInput, Link, Root};
+use super::passage::PassageWatch;
 use super::rope::Rope;
 use crate::description::{self, Body, BodyTask, Joint};
 
@@ -42,6 +43,7 @@ pub(super) struct WorldTemplate {
     /// One per control.
     pub(super) control_inputs: Vec<ControlInput>,
     pub(super) fluid_bodies: Vec<FluidBody>,
+    pub(super) passage_watch: PassageWatch,
 }
 
 impl WorldTemplate {
@@ -77,6 +79,7 @@ impl WorldTemplate {
                 .collect(),
             control_inputs: ControlInput::from_task(task),
             fluid_bodies: FluidBody::all(task),
+            passage_watch: passage_watch(task, &handles),
             multibodies,
             multibody_joints: joints,
             impulse_joints,
@@ -127,7 +130,7 @@ fn parameters(task: &BodyTask) -> IntegrationParameters {
         normalized_allowed_linear_error: TOLERANCE,
         normalized_prediction_distance: prediction_distance(task, dt),
         normalized_max_linear_velocity: f32::MAX,
-        max_ccd_substeps: 0,
+        max_ccd_substeps: usize::from(task.bodies.iter().any(|body| body.ccd)),
         contact_recycling: false,
         ..defaults
     }
@@ -144,6 +147,7 @@ fn rigid_body(body: &Body) -> RigidBody {
         ))
         .can_sleep(false)
         .allow_fast_rotation(true)
+        .ccd_enabled(body.ccd)
         .build()
 }
 
@@ -155,16 +159,27 @@ fn colliders(
     let mut colliders = ColliderSet::new();
     let mut inserted = Vec::new();
     for surface in &task.colliders {
-        let com = surface
-            .body
-            .map_or(Vector::ZERO, |body| vector(task.bodies[body].inertial.com));
-        let collider = collider(surface, com);
+        let collider = collider(surface, center_of_mass(surface, task));
         inserted.push(match surface.body {
             None => colliders.insert(collider),
             Some(body) => colliders.insert_with_parent(collider, handles[body], bodies),
         });
     }
     (colliders, inserted)
+}
+
+fn passage_watch(task: &BodyTask, handles: &[RigidBodyHandle]) -> PassageWatch {
+    let poses = task.colliders.iter().map(|surface| {
+        Pose::from_translation(-center_of_mass(surface, task)) * PlacedShape::new(surface).pose
+    });
+    PassageWatch::new(task, handles, poses)
+}
+
+/// Center of mass of a collider's body in the body's frame; that of the world is its origin.
+fn center_of_mass(surface: &description::Collider, task: &BodyTask) -> Vector {
+    surface
+        .body
+        .map_or(Vector::ZERO, |body| vector(task.bodies[body].inertial.com))
 }
 
 fn collider(surface: &description::Collider, com: Vector) -> Collider {

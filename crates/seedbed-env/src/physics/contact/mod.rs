@@ -9,13 +9,14 @@ mod build;
 mod fluid;
 mod joint_group;
 mod link;
+mod passage;
 mod rope;
 mod world;
 
 use self::build::WorldTemplate;
 use self::world::World;
 use crate::description::BodyTask;
-use crate::dynamics::{CoordinateColumns, Dynamics, OTHER_BODIES, from_bytes, to_bytes};
+use crate::dynamics::{CoordinateColumns, Dynamics, OTHER_BODIES, Passage, from_bytes, to_bytes};
 use crate::kinematics::{Frame, KinematicTree};
 use crate::{Force, Pose};
 
@@ -96,6 +97,14 @@ impl Dynamics for ContactWorlds {
 
     fn contact_force(&self, copy: usize, one: usize, other: usize) -> f32 {
         self.worlds[copy].contact_force(&self.template, one, other)
+    }
+
+    fn passage(&self, copy: usize) -> Option<Passage> {
+        self.worlds[copy].passage
+    }
+
+    fn has_passages(&self) -> bool {
+        self.worlds.iter().any(|world| world.passage.is_some())
     }
 
     fn save(&self, copy: usize) -> Vec<u8> {

@@ -13,7 +13,7 @@ use super::super::turns::MAX_TURN_PER_SUBSTEP;
 use super::super::vector;
 use super::build::WorldTemplate;
 use super::link::Root;
-use crate::dynamics::CoordinateColumns;
+use crate::dynamics::{CoordinateColumns, Passage};
 use crate::kinematics::Frame;
 use crate::{Force, ForceSource, caught_panic};
 
@@ -30,6 +30,12 @@ pub(super) struct World {
     turns: Vec<FreeTurn>,
     /// Whether the copy is live.
     pub(super) live: bool,
+    /// The first surface that was passed in the latest step.
+    #[serde(skip)]
+    pub(super) passage: Option<Passage>,
+    /// Where surfaces were before a contact update; memory that is used again in each.
+    #[serde(skip)]
+    surfaces_before: Vec<(Pose, f32)>,
 }
 
 /// The rotation of a free body that is no link of a multibody.
@@ -79,6 +85,8 @@ impl World {
             terrains: Vec::new(),
             turns: Vec::new(),
             live: false,
+            passage: None,
+            surfaces_before: template.passage_watch.buffer(),
         }
     }
 
@@ -204,15 +212,27 @@ impl World {
     ) -> bool {
         self.turns.clear();
         self.turns.resize(template.roots.len(), FreeTurn::default());
+        self.passage = None;
+        let watch = &template.passage_watch;
+        // A restored world has none.
+        self.surfaces_before
+            .resize(template.collider_handles.len(), (Pose::IDENTITY, 0.0));
         for _ in 0..template.contact_updates {
             self.apply_controls(template, copy, controls, copies);
             self.begin_turns(template);
+            watch.begin(&self.simulation.bodies, &mut self.surfaces_before);
             // Rapier's limits of motors panic where coordinates are not finite.
             if caught_panic(|| self.simulation.step()).is_err() {
                 self.live = false;
                 return false;
             }
             self.complete_turns(template);
+            let PhysicsWorld {
+                bodies, colliders, ..
+            } = &self.simulation;
+            let before = &mut self.surfaces_before;
+            let passage = watch.find(template, bodies, colliders, before);
+            self.passage = self.passage.or(passage);
         }
         true
     }

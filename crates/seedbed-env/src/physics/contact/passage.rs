@@ -1,0 +1,232 @@
+//! Notices bodies that pass surfaces between two contact updates.
+//!
+//! Rapier searches for contacts once per contact update. A body that moves farther than its own depth
+//! in between may be on the other side of a surface without having touched it. The paths of some
+//! points inside each collider are compared with all surfaces that it could touch.
+
+use parry2d::query::{Ray, RayCast};
+use rapier2d::prelude::{Collider, ColliderSet, Pose, RigidBodyHandle, RigidBodySet, Vector};
+
+use super::build::WorldTemplate;
+use crate::Shape;
+use crate::description::{self, BodyTask, Surface};
+use crate::dynamics::Passage;
+
+/// Which surfaces could pass which.
+pub(super) struct PassageWatch {
+    /// `[colliders]`
+    surfaces: Vec<WatchedSurface>,
+    pairs: Vec<Pair>,
+}
+
+struct WatchedSurface {
+    /// Its body's handle, and its pose in the body's frame; `None` of the body if it is fixed.
+    body: Option<RigidBodyHandle>,
+    pose: Pose,
+    /// Points inside the shape, in the shape's frame.
+    core: Vec<Vector>,
+    /// Distance of the core from the surface, m: a core that moves less than that has touched a surface
+    /// before it passes it.
+    depth: f32,
+    /// Distance of the farthest point of the core from the origin of the shape's frame, m.
+    reach: f32,
+}
+
+/// A collider with a core, and a surface that it must not pass.
+#[derive(Clone, Copy)]
+struct Pair {
+    mover: usize,
+    obstacle: usize,
+}
+
+impl PassageWatch {
+    /// `poses`: of the shapes in their bodies' frames, whose origins are the centers of mass.
+    pub(super) fn new(
+        task: &BodyTask,
+        handles: &[RigidBodyHandle],
+        poses: impl Iterator<Item = Pose>,
+    ) -> Self {
+        let colliders = task.colliders.iter().zip(poses);
+        let surfaces = colliders.map(|(collider, pose)| {
+            let (core, depth) = core_of(&collider.surface);
+            WatchedSurface {
+                body: collider.body.map(|body| handles[body]),
+                pose,
+                reach: core.iter().map(|point| point.length()).fold(0.0, f32::max),
+                core,
+                depth,
+            }
+        });
+        let surfaces: Vec<_> = surfaces.collect();
+        let all = 0..surfaces.len();
+        let pairs = all.clone().flat_map(|mover| {
+            let obstacles = all.clone();
+            obstacles.map(move |obstacle| Pair { mover, obstacle })
+        });
+        let pairs = pairs.filter(|pair| is_watched(*pair, task)).collect();
+        Self { surfaces, pairs }
+    }
+
+    /// A buffer for [`poses`](Self::poses): where every surface is, and how far it has moved.
+    pub(super) fn buffer(&self) -> Vec<(Pose, f32)> {
+        vec![(Pose::IDENTITY, 0.0); self.surfaces.len()]
+    }
+
+    /// Stores where the surfaces are before a contact update.
+    pub(super) fn begin(&self, bodies: &RigidBodySet, buffer: &mut [(Pose, f32)]) {
+        if self.pairs.is_empty() {
+            return;
+        }
+        for (surface, (pose, _)) in self.surfaces.iter().zip(buffer) {
+            *pose = surface.pose_in(bodies);
+        }
+    }
+
+    /// The first surface that has been passed since [`begin`](Self::begin).
+    pub(super) fn find(
+        &self,
+        template: &WorldTemplate,
+        bodies: &RigidBodySet,
+        colliders: &ColliderSet,
+        buffer: &mut [(Pose, f32)],
+    ) -> Option<Passage> {
+        if self.pairs.is_empty() {
+            return None;
+        }
+        for (surface, (before, moved)) in self.surfaces.iter().zip(&mut *buffer) {
+            *moved = surface.distance(before, &surface.pose_in(bodies));
+        }
+        let suspects = self.pairs.iter().filter(|pair| {
+            let moved = buffer[pair.mover].1 + buffer[pair.obstacle].1;
+            moved > self.surfaces[pair.mover].depth
+        });
+        let mut passed = suspects.filter(|pair| {
+            let obstacle = &colliders[template.collider_handles[pair.obstacle]];
+            self.has_passed(**pair, obstacle, bodies, buffer)
+        });
+        passed.next().map(|pair| Passage {
+            mover: pair.mover,
+            obstacle: pair.obstacle,
+            moved: buffer[pair.mover].1 + buffer[pair.obstacle].1,
+        })
+    }
+
+    /// Whether a point of the mover's core has entered the obstacle or crossed its line, as the obstacle
+    /// sees it.
+    fn has_passed(
+        &self,
+        pair: Pair,
+        obstacle: &Collider,
+        bodies: &RigidBodySet,
+        buffer: &[(Pose, f32)],
+    ) -> bool {
+        let [mover, other] = [pair.mover, pair.obstacle].map(|index| &self.surfaces[index]);
+        let relative = |mover: Pose, obstacle: Pose| obstacle.inverse() * mover;
+        let before = relative(buffer[pair.mover].0, buffer[pair.obstacle].0);
+        let after = relative(mover.pose_in(bodies), other.pose_in(bodies));
+        mover
+            .core
+            .iter()
+            .any(|&point| crosses(before * point, after * point, obstacle))
+    }
+}
+
+impl WatchedSurface {
+    fn pose_in(&self, bodies: &RigidBodySet) -> Pose {
+        match self.body {
+            Some(body) => *bodies[body].position() * self.pose,
+            None => self.pose,
+        }
+    }
+
+    /// An upper limit of the distance that a point of the core has moved, m.
+    fn distance(&self, before: &Pose, after: &Pose) -> f32 {
+        if self.body.is_none() {
+            return 0.0;
+        }
+        let turned = (after.rotation.re - before.rotation.re).abs()
+            + (after.rotation.im - before.rotation.im).abs();
+        (after.translation - before.translation).length() + turned * self.reach
+    }
+}
+
+/// Whether a path enters a shape from outside, or crosses a line from its right-hand side.
+fn crosses(start: Vector, end: Vector, obstacle: &Collider) -> bool {
+    let shape = obstacle.shape();
+    let ray = Ray::new(start, end - start);
+    if let Some(line) = shape.as_polyline() {
+        let hit = line.cast_local_ray_and_get_normal(&ray, 1.0, true);
+        return hit.is_some_and(|hit| {
+            let segment = line.segment(hit.subshape);
+            let along = segment.b - segment.a;
+            // Whoever comes from the right-hand side of (x, y) moves along (−y, x).
+            ray.dir.y * along.x - ray.dir.x * along.y > 0.0
+        });
+    }
+    !shape.contains_local_point(start) && shape.intersects_local_ray(&ray, 1.0)
+}
+
+/// Points inside a shape, in Parry's frame of the shape, and their distance from its surface. Lines and
+/// half-spaces have none.
+fn core_of(surface: &Surface) -> (Vec<Vector>, f32) {
+    match surface {
+        Surface::Shape(Shape::Ball { radius, .. }) => (vec![Vector::ZERO], *radius),
+        Surface::Shape(Shape::Capsule { from, to, radius }) => {
+            let [from, to] = [from, to].map(|end| Vector::from_array(*end));
+            (vec![(from + to) / 2.0, from, to], *radius)
+        }
+        Surface::Shape(Shape::Box {
+            half_size: [x, y], ..
+        }) => {
+            let corner = |right: f32, up: f32| Vector::new(right * x, up * y) / 2.0;
+            let corners = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)];
+            let corners = corners.map(|(right, up)| corner(right, up));
+            let core = corners.into_iter().chain([Vector::ZERO]).collect();
+            (core, x.min(*y) / 2.0)
+        }
+        Surface::Shape(Shape::Polygon(corners)) => core_of_polygon(corners),
+        Surface::Shape(Shape::Polyline(_)) | Surface::HalfSpace { .. } | Surface::Terrain(_) => {
+            (Vec::new(), f32::MAX)
+        }
+    }
+}
+
+/// The corners half way to their mean, and the mean.
+fn core_of_polygon(corners: &[[f32; 2]]) -> (Vec<Vector>, f32) {
+    let hull = super::super::geometry::convex_hull(corners);
+    let corners: Vec<_> = corners.iter().copied().map(Vector::from_array).collect();
+    let center = corners.iter().sum::<Vector>() / corners.len() as f32;
+    let half_way = corners.iter().map(|corner| (*corner + center) / 2.0);
+    let core: Vec<_> = half_way.chain([center]).collect();
+    let depths = core
+        .iter()
+        .map(|&point| hull.distance_to_local_point(point, false));
+    // Distances of points inside are negative.
+    let depth = depths.map(|distance| -distance).fold(f32::MAX, f32::min);
+    (core, depth.max(0.0))
+}
+
+/// Whether a collider with a core and a surface, which can touch, are watched. A half-space cannot be
+/// passed: whatever is in it is pushed out to the right side.
+fn is_watched(Pair { mover, obstacle }: Pair, task: &BodyTask) -> bool {
+    let [one, other] = [mover, obstacle].map(|index| &task.colliders[index]);
+    let touches = |one: &description::Collider, other: &description::Collider| {
+        one.contype & other.conaffinity != 0
+    };
+    let has_core = !core_of(&one.surface).0.is_empty();
+    has_core
+        && one.body != other.body
+        && !matches!(other.surface, Surface::HalfSpace { .. })
+        && (touches(one, other) || touches(other, one))
+        && !are_joined(one.body, other.body, task)
+}
+
+fn are_joined(one: Option<usize>, other: Option<usize>, task: &BodyTask) -> bool {
+    let (Some(one), Some(other)) = (one, other) else {
+        return false;
+    };
+    task.joints.iter().any(|joint| {
+        let joined = joint.parent.map(|parent| [parent, joint.child]);
+        joined == Some([one, other]) || joined == Some([other, one])
+    })
+}
