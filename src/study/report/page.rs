@@ -16,7 +16,7 @@ use crate::study::measure::Measure;
 use crate::study::provenance;
 use crate::study::registration::{Audit, Lock};
 use crate::study::results::{CellResults, Results};
-use crate::text::{pluralize, shell_word};
+use crate::text::{html_page, pluralize, shell_word};
 use seedbed_stats::{MIN_RUNS, Verdict};
 
 /// Minimum number of runs per cell for a report without the warning about narrow intervals.
@@ -65,7 +65,7 @@ pub(super) fn html(
             }
         }
     };
-    page.into_string()
+    html_page(page)
 }
 
 /// Numbers of cells and finished runs, and the run seeds.
