@@ -78,10 +78,11 @@ pub fn html_page(page: maud::Markup) -> String {
     page.into_string().replace(is_replaced, "\u{fffd}")
 }
 
-/// JSON as the content of a script element: no text in it can end the element or begin a comment.
+/// JSON as the content of a script element: no text in it can end the element or begin a comment, and it
+/// has no invisible controls, which [`html_page`] would replace.
 #[must_use]
 pub fn json_in_script(json: &str) -> String {
-    json.replace('<', "\\u003c")
+    terminal(json).replace('<', "\\u003c")
 }
 
 /// Text as a cell of a Markdown table, and of any other line: without further lines, HTML elements, links and

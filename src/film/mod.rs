@@ -320,7 +320,7 @@ fn axes_of_film(selection: &StateSelection, selected: &[SelectedStates]) -> Vec<
         selected
             .iter()
             .for_each(|agent| unplaced += agent.unplaced[index]);
-        plotting::axis_with_shares(&axis.quantity, &unplaced.shares(states))
+        plotting::axis_with_shares(&axis.quantity, unplaced.shares(states).to_array())
     })
     .collect()
 }

@@ -81,7 +81,10 @@ fn names_of_observations_stay_text() {
         "the page's own script"
     );
     let data: Value = serde_json::from_str(data).unwrap();
-    assert_eq!(data["axes"][0]["unit"], UNIT);
+    assert_eq!(
+        [&data["axes"][0]["name"], &data["axes"][0]["unit"]],
+        [NAME, UNIT]
+    );
 }
 
 /// A name that a spreadsheet would take for a formula begins with an apostrophe, in the header, too.

@@ -405,10 +405,13 @@ fn label(distribution: &ValueDistribution) -> String {
     }
 }
 
+/// A share in percent, which is not shown as 0 unless it is 0.
 fn format_percent(share: Option<f64>) -> String {
-    share
-        .filter(|share| share.is_finite())
-        .map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share))
+    match share.filter(|share| share.is_finite()) {
+        None => "–".to_owned(),
+        Some(share) if 0.0 < share && share < 0.0005 => "< 0.1 %".to_owned(),
+        Some(share) => format!("{:.1} %", 100.0 * share),
+    }
 }
 
 /// Formats a number with four significant digits, but at most six decimals, without trailing zeros.
@@ -469,6 +472,10 @@ mod tests {
             ["0", "195", "-1235", "0.01234", "1000000", "NaN", "−∞", "0"]
         );
         assert_eq!(format_or_dash(None), "–");
+        assert_eq!(
+            [0.0, 1e-5, 0.0005, 0.3].map(|share| format_percent(Some(share))),
+            ["0.0 %", "< 0.1 %", "0.1 %", "30.0 %"]
+        );
     }
 
     #[test]

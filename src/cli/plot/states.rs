@@ -359,7 +359,10 @@ impl<'a> StateGroup<'a> {
         for agent in &self.agents {
             unplaced += agent.unplaced[position];
         }
-        axis_with_shares(&self.quantity(index), &unplaced.shares(self.state_count()))
+        axis_with_shares(
+            &self.quantity(index),
+            unplaced.shares(self.state_count()).to_array(),
+        )
     }
 
     /// The axes of a pair of indices among all axes.

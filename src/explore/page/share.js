@@ -154,8 +154,12 @@ function fromHash(app, hash) {
   view.axes = shown.length > 1 ? shown : app.shownAxes();
 }
 
-/** A word of a POSIX shell. */
+/** A word of a shell; with control characters, one of bash and zsh. */
 function shellWord(word) {
+  if (/\p{Cc}/u.test(word)) {
+    const hex = (character) => `\\u${character.charCodeAt(0).toString(16).padStart(4, "0")}`;
+    return `$'${word.replace(/[\\']/g, "\\$&").replace(/\p{Cc}/gu, hex)}'`;
+  }
   return /^[\w./:=,@%+-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`;
 }
 
