@@ -126,6 +126,8 @@ def check_ranges_of_brushes(page: Page, states: dict[str, np.ndarray], rng: rand
         # Levels of values, so that states are at the ends of the brush.
         numbers = states[axes[a]["name"]][np.isfinite(states[axes[a]["name"]])].tolist()
         levels = sorted(page.run("return levelOf(explorer.axes[arguments[0]], arguments[1])", a, float(rng.choice(numbers))) for _ in range(2))
+        if levels == [0, MAX_LEVEL]:
+            continue  # the whole axis, which also selects states without a value
         page.show("")
         low, high = page.run("return rangeTexts(explorer.axes[arguments[0]], arguments[1])", a, levels)
         page.run("explorer.setBrush(arguments[0], arguments[1]); explorer.draw();", a, levels)

@@ -2,6 +2,7 @@
 
 use super::PlottedRun;
 use seedbed::record::metrics::{Metric, Scope, round_metrics_in_display_order};
+use seedbed::run::Plan;
 use seedbed::run::summary::FINAL_WINDOW;
 use seedbed::study::measure::trailing_means;
 use seedbed::text::without_trailing_zeros;
@@ -193,16 +194,15 @@ pub(super) fn metric_rows(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
 /// Whether measures of visits can be compared between runs: they count cells of the display ranges of
 /// observations. If the same observations have other ranges, a note says so.
 fn have_same_axes(runs: &[PlottedRun]) -> bool {
-    let with_observations = runs.iter().filter_map(|run| {
-        let recording = run.loaded_run.recording.as_ref()?;
-        Some((&run.label, recording.observations()))
-    });
-    let with_observations: Vec<_> = with_observations.collect();
+    let with_observations: Vec<(&String, Vec<Quantity>)> = runs
+        .iter()
+        .filter_map(|run| Some((&run.label, observations(run)?)))
+        .collect();
     let Some(((first, observations), others)) = with_observations.split_first() else {
         return true;
     };
     for (label, of_other) in others {
-        let mut pairs = observations.iter().zip(*of_other);
+        let mut pairs = observations.iter().zip(of_other);
         let other_range = |(one, other): &(&Quantity, &Quantity)| {
             one.name == other.name && one.range != other.range
         };
@@ -220,6 +220,15 @@ fn have_same_axes(runs: &[PlottedRun]) -> bool {
         }
     }
     true
+}
+
+/// The observations of the recording or, without one, of the task; `None` if they are not known.
+fn observations(run: &PlottedRun) -> Option<Vec<Quantity>> {
+    if let Some(recording) = &run.loaded_run.recording {
+        return Some(recording.observations().to_vec());
+    }
+    let plan = Plan::of_run(run.loaded_run.folder.as_ref()?).ok()?;
+    Some(plan.description.spec().observations.clone())
 }
 
 fn metric_panel(runs: &[PlottedRun], agents: &[u32], metric: &Metric) -> Curves {
