@@ -1,15 +1,14 @@
 //! Helpers for figures of runs and figures of studies.
 
-use crate::record::visitation::Unplaced;
 use seedbed_env::Quantity;
 use seedbed_figure::Axis;
 
-/// The axis of a figure of states, of which these shares are not drawn at their place.
+/// The axis of a figure of states, of which these shares are below the display range, above it, and NaN.
 #[must_use]
-pub fn axis_with_shares(quantity: &Quantity, unplaced: &Unplaced<f64>) -> Axis {
+pub fn axis_with_shares(quantity: &Quantity, [below, above, nan]: [f64; 3]) -> Axis {
     Axis {
-        outside: [unplaced.below, unplaced.above],
-        nan: unplaced.nan,
+        outside: [below, above],
+        nan,
         ..axis(quantity)
     }
 }

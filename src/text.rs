@@ -40,7 +40,53 @@ pub fn shell_word(word: &str) -> Cow<'_, str> {
     shlex::try_quote(word).unwrap_or(Cow::Borrowed(word))
 }
 
-/// Text as a cell of a Markdown table: on one line, without the beginning of an HTML element.
+/// Whether a character is for the control of devices, or changes the direction of text: names have no
+/// need of it, and it can hide or change what is around it.
+fn is_invisible_control(character: char) -> bool {
+    let changes_direction = matches!(character, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    character.is_control() || changes_direction
+}
+
+/// Text for a terminal: invisible controls other than the end of a line and tabs are escape sequences as in
+/// JSON, such as `\u001b`, so that names in files do not control the terminal, and JSON stays JSON.
+#[must_use]
+pub fn terminal(text: &str) -> Cow<'_, str> {
+    let is_escaped = |character| is_invisible_control(character) && !"\n\t".contains(character);
+    if !text.contains(is_escaped) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::new();
+    for character in text.chars() {
+        if is_escaped(character) {
+            shown += &escape_sequence(character);
+        } else {
+            shown.push(character);
+        }
+    }
+    Cow::Owned(shown)
+}
+
+fn escape_sequence(character: char) -> String {
+    format!("\\u{:04x}", u32::from(character))
+}
+
+/// A finished HTML page, in which invisible controls of names are replaced by `�`; other markup of names was
+/// escaped when they were put into the page.
+#[must_use]
+pub fn html_page(page: maud::Markup) -> String {
+    let is_replaced = |character| is_invisible_control(character) && !"\n\t".contains(character);
+    page.into_string().replace(is_replaced, "\u{fffd}")
+}
+
+/// JSON as the content of a script element: no text in it can end the element or begin a comment, and it
+/// has no invisible controls, which [`html_page`] would replace.
+#[must_use]
+pub fn json_in_script(json: &str) -> String {
+    terminal(json).replace('<', "\\u003c")
+}
+
+/// Text as a cell of a Markdown table, and of any other line: without further lines, HTML elements, links and
+/// images.
 #[must_use]
 pub fn markdown_cell(text: &str) -> String {
     let mut cell = String::new();
@@ -49,9 +95,12 @@ pub fn markdown_cell(text: &str) -> String {
         let next = characters.peek();
         let begins_element = |next: &char| next.is_ascii_alphabetic() || "/!?".contains(*next);
         match character {
-            '|' => cell += "\\|",
+            '|' | '[' | ']' | '\\' => {
+                cell.push('\\');
+                cell.push(character);
+            }
             '<' if next.is_some_and(begins_element) => cell += "&lt;",
-            other if other.is_control() => cell.push(' '),
+            other if is_invisible_control(other) => cell.push(' '),
             other => cell.push(other),
         }
     }
@@ -62,22 +111,48 @@ pub fn markdown_cell(text: &str) -> String {
 const NOT_PLAIN_TEXT: [char; 7] = ['=', '+', '-', '@', '\t', '\r', '\''];
 
 /// Text as a cell of a CSV table that a spreadsheet shows as text and never takes for a formula: an
-/// apostrophe is put before it if needed. [`from_spreadsheet_cell`] is the inverse.
+/// apostrophe is put before it if needed, and invisible controls are as in [`terminal`].
+/// [`from_spreadsheet_cell`] is the inverse.
 #[must_use]
 pub fn spreadsheet_cell(text: &str) -> Cow<'_, str> {
+    let shown = terminal(text);
     if text.starts_with(NOT_PLAIN_TEXT) {
-        Cow::Owned(format!("'{text}"))
+        Cow::Owned(format!("'{shown}"))
     } else {
-        Cow::Borrowed(text)
+        shown
     }
 }
 
 /// The text of a [`spreadsheet_cell`].
 #[must_use]
-pub fn from_spreadsheet_cell(cell: &str) -> &str {
+pub fn from_spreadsheet_cell(cell: &str) -> Cow<'_, str> {
     let text = cell.strip_prefix('\'');
-    text.filter(|text| text.starts_with(NOT_PLAIN_TEXT))
-        .unwrap_or(cell)
+    let shown = text.unwrap_or(cell);
+    let mut text = String::new();
+    let mut rest = shown;
+    while let Some(start) = rest.find("\\u") {
+        let digits = rest.get(start + 2..start + 6).unwrap_or_default();
+        let character = u32::from_str_radix(digits, 16)
+            .ok()
+            .and_then(char::from_u32);
+        match character.filter(|character| is_invisible_control(*character)) {
+            Some(character) => {
+                text += &rest[..start];
+                text.push(character);
+                rest = &rest[start + 6..];
+            }
+            None => {
+                text += &rest[..start + 2];
+                rest = &rest[start + 2..];
+            }
+        }
+    }
+    text += rest;
+    // An apostrophe before plain text is part of it.
+    if cell.len() > shown.len() && !text.starts_with(NOT_PLAIN_TEXT) {
+        text.insert(0, '\'');
+    }
+    Cow::Owned(text)
 }
 
 /// The lines of a table, with two spaces between columns. The first column is aligned to the left,
@@ -117,12 +192,58 @@ mod tests {
             markdown_cell("a|b\nc <script>x</script> p < 0.01 <3"),
             "a\\|b c &lt;script>x&lt;/script> p < 0.01 <3"
         );
+        assert_eq!(
+            markdown_cell("![x](http://x) [y]\\|\u{1b}\u{202e}"),
+            r"!\[x\](http://x) \[y\]\\\|  "
+        );
+    }
+
+    /// Sequences as in JSON, which a parser of JSON reads back.
+    #[test]
+    fn controls_are_shown_on_a_terminal() {
+        let text = "a\u{1b}[31m\u{7f}\u{9b}\u{202e}\tb\nσ 🙂";
+        let shown = "a\\u001b[31m\\u007f\\u009b\\u202e\tb\nσ 🙂";
+        assert_eq!(terminal(text), shown);
+        let json = serde_json::to_string(text).unwrap();
+        let read: String = serde_json::from_str(&terminal(&json)).unwrap();
+        assert_eq!(read, text);
+    }
+
+    #[test]
+    fn json_cannot_leave_its_script() {
+        let json = serde_json::to_string("<!--<script></script>").unwrap();
+        let inner = json_in_script(&json);
+        assert!(!inner.contains('<'));
+        let read: String = serde_json::from_str(&inner).unwrap();
+        assert_eq!(read, "<!--<script></script>");
+    }
+
+    #[test]
+    fn pages_have_no_controls() {
+        let page = html_page(maud::html! { p { "a\u{1b}b\u{9b}\u{202e}<" } "\n\t" });
+        assert_eq!(page, "<p>a�b��&lt;</p>\n\t");
     }
 
     #[test]
     fn spreadsheet_cells_are_no_formulas_and_can_be_read_back() {
         for text in [
-            "=1+1", "+x", "-x", "@x", "\tx", "\rx", "'x", "''", "'=1", "plain", "σ = 1", "",
+            "=1+1",
+            "+x",
+            "-x",
+            "@x",
+            "\tx",
+            "\rx",
+            "'x",
+            "''",
+            "'=1",
+            "plain",
+            "σ = 1",
+            "",
+            "a\u{1b}b",
+            "\\u",
+            "\\u00",
+            "C:\\users",
+            "\\u0041",
         ] {
             let cell = spreadsheet_cell(text);
             assert!(
@@ -133,6 +254,7 @@ mod tests {
         }
         assert_eq!(spreadsheet_cell("=1+1"), "'=1+1");
         assert_eq!(spreadsheet_cell("plain"), "plain");
+        assert_eq!(spreadsheet_cell("a\u{1b}b"), "a\\u001bb");
     }
 
     #[test]

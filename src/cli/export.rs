@@ -21,7 +21,11 @@ use seedbed::run::review::LoadedRun;
 A row of `states` has agent, episode, round and step, all observations, the action that the policy chose (before \
 the actuator limits it), its reward, \
 for agents with a bonus the intrinsic reward, and how its episode ended. The last state of an episode has no action and no reward: these cells \
-are empty (CSV), null (Parquet) or NaN (NumPy).")]
+are empty (CSV), null (Parquet) or NaN (NumPy). A value that was recorded as NaN is NaN in all formats.
+
+Rows of `states` are sorted by agent, episode and step, those of `episodes` by round and agent, and those of `rounds` by \
+round. Parquet files have the units of their columns in the metadata `units`. In CSV, names that a spreadsheet would take for a \
+formula begin with an apostrophe. Curves of an earlier export to the same TensorBoard directory are removed.")]
 pub(super) struct ExportArgs {
     /// Run directory, or a recording
     run: PathBuf,

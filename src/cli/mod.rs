@@ -61,7 +61,7 @@ use seedbed::run::folder::RunFolder;
 use seedbed::run::review::{LoadRunError, LoadedRun};
 use seedbed::study::experiment::LoadError;
 use seedbed::study::shard::Shard;
-use seedbed::text::pluralize;
+use seedbed::text::{pluralize, terminal};
 use seedbed_env::input::InputError;
 
 /// Train teams of reinforcement learning agents that explore in coordination, and record every
@@ -639,7 +639,8 @@ fn warn_if_unverified(folder: &RunFolder) -> Result<(), CliError> {
 }
 
 fn say_line(line: std::fmt::Arguments<'_>) {
-    if let Err(error) = writeln!(std::io::stdout(), "{}", printable(line)) {
+    let styled = with_styles(&terminal(&line.to_string()));
+    if let Err(error) = writeln!(std::io::stdout(), "{styled}") {
         if error.kind() == std::io::ErrorKind::BrokenPipe {
             std::process::exit(0);
         }
@@ -648,22 +649,36 @@ fn say_line(line: std::fmt::Arguments<'_>) {
     }
 }
 
-fn note_line(line: std::fmt::Arguments<'_>) {
-    let _ = writeln!(std::io::stderr(), "{}", printable(line));
+/// Characters that have no other use, in place of the control sequences of styles: [`terminal`] escapes
+/// those that are in names.
+const STYLES: [(char, &str); 3] = [
+    ('\u{fdd0}', "\u{1b}[1m"),
+    ('\u{fdd1}', "\u{1b}[32m"),
+    ('\u{fdd2}', "\u{1b}[0m"),
+];
+
+/// A text that `say!` prints in bold.
+fn bold(text: &str) -> String {
+    format!("{}{text}{}", STYLES[0].0, STYLES[2].0)
 }
 
-/// The text with control characters as escape sequences such as `\u{1b}`, so that names in files
-/// cannot control the terminal.
-fn printable(text: std::fmt::Arguments<'_>) -> String {
-    let mut shown = String::new();
-    for character in text.to_string().chars() {
-        if character.is_control() && !matches!(character, '\n' | '\t') {
-            shown.extend(character.escape_default());
-        } else {
-            shown.push(character);
-        }
-    }
-    shown
+/// A text that `say!` prints in green.
+fn green(text: &str) -> String {
+    format!("{}{text}{}", STYLES[1].0, STYLES[2].0)
+}
+
+/// The text with the styles of a terminal, or without styles in files and pipes.
+fn with_styles(text: &str) -> String {
+    STYLES
+        .iter()
+        .fold(text.to_owned(), |text, (mark, sequence)| {
+            let has_styles = console::colors_enabled();
+            text.replace(*mark, if has_styles { sequence } else { "" })
+        })
+}
+
+fn note_line(line: std::fmt::Arguments<'_>) {
+    let _ = writeln!(std::io::stderr(), "{}", terminal(&line.to_string()));
 }
 
 impl From<InputError> for CliError {

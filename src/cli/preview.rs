@@ -51,10 +51,15 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
         "\nrecording  {0}; open it with\n             rerun {0}",
         path.display()
     );
+    let film = path.with_extension("gif");
     if args.film {
-        let film = path.with_extension("gif");
         write_film(&description, physics, &rows, &path, &film)?;
         say!("film       {}", film.display());
+    } else if film.exists() {
+        note!(
+            "note: {} is of an earlier preview; add --film to film this one",
+            film.display()
+        );
     }
     Ok(())
 }

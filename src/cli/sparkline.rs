@@ -3,7 +3,7 @@
 const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
 /// Draws `values` with `columns` block characters, or fewer if there are fewer values. Each block
-/// shows the mean of consecutive values by its height, on a scale from `low` to `high`.
+/// shows the mean of consecutive values by its height, on a scale from `low` to `high`; NaN is a dot.
 pub(super) fn sparkline(values: &[f64], columns: usize, [low, high]: [f64; 2]) -> String {
     let columns = columns.min(values.len());
     let first_index = |column: usize| column * values.len() / columns.max(1);
@@ -23,6 +23,9 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 fn block(value: f64, low: f64, high: f64) -> char {
+    if value.is_nan() {
+        return '·';
+    }
     let height = if high > low {
         (value - low) / (high - low)
     } else {
@@ -46,5 +49,6 @@ mod tests {
         );
         assert_eq!(sparkline(&[3.0; 5], 3, [3.0, 3.0]), "▁▁▁");
         assert_eq!(sparkline(&[], 3, [0.0, 1.0]), "");
+        assert_eq!(sparkline(&[0.0, f64::NAN, 7.0], 3, [0.0, 7.0]), "▁·█");
     }
 }

@@ -30,9 +30,15 @@ impl AxisData {
 
     /// Index of the column of a run that the axis shows; `None` for axes of episodes.
     pub(super) fn column_of(&self, states: &RunStates) -> Option<usize> {
-        let is_shown =
-            |column: &StateColumn| (column.kind, &column.quantity.name) == (self.kind, &self.name);
-        states.columns.iter().position(is_shown)
+        let quantity = |column: &StateColumn| {
+            (column.kind, &column.quantity.name, &column.quantity.unit) == self.key()
+        };
+        states.columns.iter().position(quantity)
+    }
+
+    /// What tells axes apart. Values in other units are on axes of their own.
+    fn key(&self) -> (Kind, &String, &String) {
+        (self.kind, &self.name, &self.unit)
     }
 
     fn of_episodes(name: &str, kind: Kind, values: impl Iterator<Item = f64>) -> Self {
@@ -53,9 +59,7 @@ pub(super) fn common_axes(runs: &[&RunStates]) -> Vec<AxisData> {
     let mut axes: Vec<AxisData> = Vec::new();
     for column in runs.iter().flat_map(|run| &run.columns) {
         let axis = axis_of(column);
-        let known = axes
-            .iter_mut()
-            .find(|known| (known.kind, &known.name) == (axis.kind, &axis.name));
+        let known = axes.iter_mut().find(|known| known.key() == axis.key());
         match known {
             Some(known) => {
                 [known.low, known.high] = [known.low.min(axis.low), known.high.max(axis.high)];

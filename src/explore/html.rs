@@ -2,6 +2,8 @@
 
 use maud::{DOCTYPE, PreEscaped, html};
 
+use crate::text::{html_page, json_in_script};
+
 const STYLE: &str = include_str!("page/style.css");
 
 /// The page's code: one script, in this order.
@@ -18,9 +20,8 @@ const SCRIPTS: [&str; 8] = [
 
 /// The page with this data, as JSON.
 pub(super) fn page(title: &str, data: &str) -> String {
-    // A text could otherwise end the element.
-    let data = data.replace("</", "<\\/");
-    html! {
+    let data = json_in_script(data);
+    html_page(html! {
         (DOCTYPE)
         html lang="en" {
             head {
@@ -35,6 +36,5 @@ pub(super) fn page(title: &str, data: &str) -> String {
                 script { (PreEscaped(SCRIPTS.join("\n"))) }
             }
         }
-    }
-    .into_string()
+    })
 }

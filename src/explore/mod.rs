@@ -24,6 +24,7 @@ use self::encode::{encode_16, encode_32, level};
 use self::scenes::{FilmData, Filmed};
 use self::states::{FilmedStates, RunStates, StateColumn};
 use crate::film::FilmError;
+use crate::record::common_axes;
 use crate::run::review::LoadedRun;
 use seedbed_env::Status;
 
@@ -56,6 +57,9 @@ pub enum ExploreError {
     /// The run has no recording.
     #[error("{0} has no recording, whose states are shown")]
     NotRecorded(PathBuf),
+    /// Two runs have states that cannot be compared.
+    #[error("{0}")]
+    OtherQuantities(String),
     /// The run or its scenes cannot be read.
     #[error(transparent)]
     Run(#[from] FilmError),
@@ -96,6 +100,8 @@ struct ColumnData {
     levels: String,
     /// Numbers of values in the page that are below and above the range.
     outside: [usize; 2],
+    /// Number of values in the page that are NaN.
+    nan: usize,
 }
 
 /// Columns of one number per episode.
@@ -130,16 +136,21 @@ impl Explorer {
     /// episode that is read.
     ///
     /// # Errors
-    /// A run has no recording, or a file cannot be read.
+    /// A run has no recording or other observations than another, or a file cannot be read.
     pub fn read(
         runs: &[(PathBuf, LoadedRun)],
         max_states: u64,
         on_episode: &mut dyn FnMut(),
     ) -> Result<Self, ExploreError> {
-        let mut explored = Vec::with_capacity(runs.len());
+        let mut recordings = Vec::with_capacity(runs.len());
         for (path, run) in runs {
             let not_recorded = || ExploreError::NotRecorded(run.path.clone());
             let recording = run.recording.as_ref().ok_or_else(not_recorded)?;
+            recordings.push((path.display().to_string(), recording));
+        }
+        common_axes(&recordings).map_err(ExploreError::OtherQuantities)?;
+        let mut explored = Vec::with_capacity(runs.len());
+        for ((path, run), (_, recording)) in runs.iter().zip(&recordings) {
             let filmed = Filmed::read(run)?;
             let episodes = filmed.iter().flat_map(|filmed| &filmed.episodes);
             let keys: BTreeSet<(u32, u32)> = episodes
@@ -279,6 +290,7 @@ fn column_data(axis: &AxisData, column: &StateColumn) -> ColumnData {
             values().filter(|&value| value < low).count(),
             values().filter(|&value| value > high).count(),
         ],
+        nan: column.nan,
     }
 }
 

@@ -54,14 +54,18 @@ impl ExploredRun {
         let width = sample.observations.len();
         let mut episodes = sample.episodes;
         episodes.sort_by_key(|episode| (episode.episode, episode.agent));
-        let column = |(index, quantity): (usize, &Quantity)| StateColumn {
-            quantity: quantity.clone(),
-            kind: Kind::Observation,
-            values: episodes
-                .iter()
-                .flat_map(|episode| episode.states.iter().skip(index).step_by(width))
+        let column = |(index, quantity): (usize, &Quantity)| {
+            let states = episodes.iter().map(|episode| &episode.states);
+            let values: Vec<f32> = states
+                .flat_map(|states| states.iter().skip(index).step_by(width))
                 .copied()
-                .collect(),
+                .collect();
+            StateColumn {
+                quantity: quantity.clone(),
+                kind: Kind::Observation,
+                nan: values.iter().filter(|value| value.is_nan()).count(),
+                values,
+            }
         };
         let columns = sample.observations.iter().enumerate().map(column).collect();
         let info = |episode: &SampledEpisode| EpisodeInfo {

@@ -28,6 +28,8 @@ pub(super) struct StateColumn {
     pub kind: Kind,
     /// One value per state; NaN for the last state of an episode, if the quantity belongs to steps.
     pub values: Vec<f32>,
+    /// Number of values that were recorded as NaN.
+    pub nan: usize,
 }
 
 /// What a quantity is. The order is that of the axes.
@@ -103,6 +105,7 @@ pub(super) fn read(
         .collect();
     let mut read: BTreeMap<EpisodeKey, (EpisodeInfo, Vec<f32>)> = BTreeMap::new();
     let mut filmed_states = Vec::new();
+    let [mut nan, mut nan_of_filmed] = [vec![0; columns.len()], vec![0; columns.len()]];
     for episode in recording.episodes()? {
         let episode = episode?;
         let key = (episode.episode, episode.agent);
@@ -122,12 +125,13 @@ pub(super) fn read(
             outcome: Some(episode.outcome),
             kept: kept.len() as u32,
         };
-        read.insert(key, (info, rows(&episode, &columns, kept.into_iter())));
+        let kept_rows = rows(&episode, &columns, kept.into_iter(), &mut nan);
+        read.insert(key, (info, kept_rows));
         if filmed.contains(&key) {
             filmed_states.push(FilmedStates {
                 agent: episode.agent,
                 episode: episode.episode,
-                rows: rows(&episode, &columns, 0..=episode.length()),
+                rows: rows(&episode, &columns, 0..=episode.length(), &mut nan_of_filmed),
             });
         }
         on_episode();
@@ -142,6 +146,9 @@ pub(super) fn read(
             }
         }
     }
+    for (column, nan) in columns.iter_mut().zip(nan) {
+        column.nan = nan;
+    }
     Ok(RunStates {
         columns,
         episodes,
@@ -155,6 +162,7 @@ fn empty_columns(recording: &RecordedStates, has_advantages: bool) -> Vec<StateC
         quantity,
         kind,
         values: Vec::new(),
+        nan: 0,
     };
     // Their ranges follow from the values.
     let without_range = |name: &str, kind| {
@@ -182,11 +190,13 @@ fn empty_columns(recording: &RecordedStates, has_advantages: bool) -> Vec<StateC
     columns
 }
 
-/// Values of the states at `steps`, row by row: `[steps × columns]`.
+/// Values of the states at `steps`, row by row: `[steps × columns]`. Adds the numbers of values that were
+/// recorded as NaN to those of `nan`: `[columns]`.
 fn rows(
     episode: &RecordedEpisode,
     columns: &[StateColumn],
     steps: impl Iterator<Item = usize>,
+    nan: &mut [usize],
 ) -> Vec<f32> {
     let width = |kind: Kind| columns.iter().filter(|column| column.kind == kind).count();
     let [observations, actions] = [Kind::Observation, Kind::Action].map(width);
@@ -197,7 +207,7 @@ fn rows(
             of_kind[index] += 1;
             of_kind[index] - 1
         };
-        for column in columns {
+        for (column, nan) in columns.iter().zip(&mut *nan) {
             let value = match column.kind {
                 Kind::Observation => episode
                     .observations
@@ -210,6 +220,7 @@ fn rows(
                 Kind::Step => Some(step as f32),
                 Kind::Episode | Kind::Return => None,
             };
+            *nan += usize::from(value.is_some_and(f32::is_nan));
             rows.push(value.unwrap_or(f32::NAN));
         }
     }

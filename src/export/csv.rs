@@ -5,6 +5,7 @@ use std::io::{self, BufWriter};
 
 use super::TableWriter;
 use super::table::{Table, Values};
+use crate::text::spreadsheet_cell;
 
 /// Writes a CSV file with a header.
 pub(super) struct CsvTable {
@@ -24,8 +25,11 @@ impl CsvTable {
 impl TableWriter for CsvTable {
     fn write(&mut self, batch: Table) -> io::Result<()> {
         if !self.has_header {
-            let names = batch.columns.iter().map(|column| &column.name);
-            self.writer.write_record(names)?;
+            for column in &batch.columns {
+                let name = spreadsheet_cell(&column.name);
+                self.writer.write_field(name.as_bytes())?;
+            }
+            self.writer.write_record(None::<&[u8]>)?;
             self.has_header = true;
         }
         for row in 0..batch.len() {
@@ -42,14 +46,13 @@ impl TableWriter for CsvTable {
     }
 }
 
-/// Text of a value, with as many digits as are needed to read the same number back.
+/// Text of a value, with as many digits as are needed to read the same number back: also `NaN`, `inf` and
+/// `-inf`. Empty if the value is missing.
 fn cell(values: &Values, row: usize) -> String {
     match values {
         Values::Integers(values) => values[row].to_string(),
-        Values::Singles(values) if values[row].is_nan() => String::new(),
-        Values::Singles(values) => values[row].to_string(),
-        Values::Doubles(values) if values[row].is_nan() => String::new(),
-        Values::Doubles(values) => values[row].to_string(),
-        Values::Texts(values) => values[row].clone(),
+        Values::Singles(values) => values[row].map_or_else(String::new, |value| value.to_string()),
+        Values::Doubles(values) => values[row].map_or_else(String::new, |value| value.to_string()),
+        Values::Texts(values) => spreadsheet_cell(&values[row]).into_owned(),
     }
 }

@@ -36,11 +36,11 @@ pub enum Content {
 /// Format of an exported file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// Comma-separated values; missing values are empty.
+    /// Comma-separated values; missing values are empty, NaN is `NaN`.
     Csv,
-    /// Apache Parquet; missing values are null.
+    /// Apache Parquet; missing values are null, NaN is NaN.
     Parquet,
-    /// One compressed NumPy array per column; missing values are NaN.
+    /// One compressed NumPy array per column; missing values are NaN, too.
     Npz,
 }
 

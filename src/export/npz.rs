@@ -49,8 +49,15 @@ impl TableWriter for NpzTable {
 fn write_array(file: &mut impl Write, values: Values) -> io::Result<()> {
     match values {
         Values::Integers(values) => write_numbers(file, &values),
-        Values::Singles(values) => write_numbers(file, &values),
-        Values::Doubles(values) => write_numbers(file, &values),
+        // Arrays have no missing numbers.
+        Values::Singles(values) => {
+            let values = values.into_iter().map(|value| value.unwrap_or(f32::NAN));
+            write_numbers(file, &values.collect::<Vec<_>>())
+        }
+        Values::Doubles(values) => {
+            let values = values.into_iter().map(|value| value.unwrap_or(f64::NAN));
+            write_numbers(file, &values.collect::<Vec<_>>())
+        }
         Values::Texts(values) => write_texts(file, &values),
     }
 }

@@ -1,5 +1,7 @@
-//! Tables as Apache Parquet: one row group per batch, compressed with Snappy.
+//! Tables as Apache Parquet: one row group per batch, compressed with Snappy. The metadata of the file have
+//! the units of columns as JSON, with the key `units`.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::sync::Arc;
@@ -7,6 +9,7 @@ use std::sync::Arc;
 use parquet::basic::{Compression, LogicalType, Repetition, Type as PhysicalType};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, FloatType, Int64Type};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::{Type, TypePtr};
@@ -39,7 +42,9 @@ impl ParquetTable {
     ) -> Result<&mut SerializedFileWriter<BufWriter<File>>, ParquetError> {
         if let State::Empty(file) = &mut self.state {
             let file = file.take().expect("the file is taken once");
-            let properties = WriterProperties::builder().set_compression(Compression::SNAPPY);
+            let properties = WriterProperties::builder()
+                .set_compression(Compression::SNAPPY)
+                .set_key_value_metadata(Some(vec![units(batch)]));
             let properties = Arc::new(properties.build());
             self.state = State::Open(SerializedFileWriter::new(file, schema(batch)?, properties)?);
         }
@@ -71,6 +76,17 @@ impl TableWriter for ParquetTable {
         }
         Ok(())
     }
+}
+
+/// The units of the columns that have one, by name: `{"x": "m"}`.
+fn units(table: &Table) -> KeyValue {
+    let units = table
+        .columns
+        .iter()
+        .map(|column| (&column.name, &column.unit));
+    let units: BTreeMap<_, _> = units.filter(|(_, unit)| !unit.is_empty()).collect();
+    let json = serde_json::to_string(&units).expect("texts can be serialized");
+    KeyValue::new("units".to_owned(), json)
 }
 
 fn schema(table: &Table) -> Result<TypePtr, ParquetError> {
@@ -107,13 +123,13 @@ fn write_column(
                 .write_batch(values, None, None)?;
         }
         Values::Singles(values) => {
-            let (present, levels) = present(values, |value| value.is_nan());
+            let (present, levels) = present(values);
             writer
                 .typed::<FloatType>()
                 .write_batch(&present, Some(&levels), None)?;
         }
         Values::Doubles(values) => {
-            let (present, levels) = present(values, |value| value.is_nan());
+            let (present, levels) = present(values);
             writer
                 .typed::<DoubleType>()
                 .write_batch(&present, Some(&levels), None)?;
@@ -132,8 +148,8 @@ fn write_column(
 }
 
 /// The values that are not missing, and for each value 1 if it is present and 0 if it is missing.
-fn present<T: Copy>(values: &[T], is_missing: impl Fn(&T) -> bool) -> (Vec<T>, Vec<i16>) {
-    let levels = values.iter().map(|value| i16::from(!is_missing(value)));
-    let present = values.iter().copied().filter(|value| !is_missing(value));
+fn present<T: Copy>(values: &[Option<T>]) -> (Vec<T>, Vec<i16>) {
+    let levels = values.iter().map(|value| i16::from(value.is_some()));
+    let present = values.iter().copied().flatten();
     (present.collect(), levels.collect())
 }

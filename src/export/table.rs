@@ -16,15 +16,18 @@ pub(super) struct Table {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Column {
     pub name: String,
+    /// Unit; empty for pure numbers and if it is not known.
+    pub unit: String,
     pub values: Values,
 }
 
-/// Values of a column. Missing numbers are NaN: numbers of a run are finite.
+/// Values of a column. A missing number is `None`, which is not the same as NaN: the action in the last
+/// state of an episode is missing, and a value that was recorded as NaN is NaN.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Values {
     Integers(Vec<i64>),
-    Singles(Vec<f32>),
-    Doubles(Vec<f64>),
+    Singles(Vec<Option<f32>>),
+    Doubles(Vec<Option<f64>>),
     Texts(Vec<String>),
 }
 
@@ -83,8 +86,8 @@ impl Values {
             return Self::Integers(integers);
         }
         let number = |cell: &String| match cell.as_str() {
-            "" => Ok(f64::NAN),
-            cell => cell.parse(),
+            "" => Ok(None),
+            cell => cell.parse().map(Some),
         };
         match cells.iter().map(number).collect() {
             Ok(numbers) => Self::Doubles(numbers),
@@ -113,6 +116,7 @@ fn parse_csv(text: &str) -> Result<Table, ::csv::Error> {
     }
     let columns = header.iter().zip(cells).map(|(name, cells)| Column {
         name: name.to_owned(),
+        unit: String::new(),
         values: Values::parse(cells),
     });
     Ok(Table {
@@ -128,8 +132,12 @@ mod tests {
     fn types_follow_from_all_cells_of_a_column() {
         let parse = |cells: &[&str]| Values::parse(cells.iter().map(|&cell| cell.into()).collect());
         assert_eq!(parse(&["1", "-2"]), Values::Integers(vec![1, -2]));
-        assert_eq!(parse(&["1", "2.5"]), Values::Doubles(vec![1.0, 2.5]));
-        assert!(matches!(parse(&["1", ""]), Values::Doubles(values) if values[1].is_nan()));
+        let doubles = |values: &[f64]| Values::Doubles(values.iter().copied().map(Some).collect());
+        assert_eq!(parse(&["1", "2.5"]), doubles(&[1.0, 2.5]));
+        assert_eq!(parse(&["1", ""]), Values::Doubles(vec![Some(1.0), None]));
+        assert!(
+            matches!(parse(&["1", "NaN"]), Values::Doubles(values) if values[1].unwrap().is_nan())
+        );
         assert_eq!(
             parse(&["1", "x"]),
             Values::Texts(vec!["1".into(), "x".into()])

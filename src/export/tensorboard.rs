@@ -1,10 +1,11 @@
 //! Curves of a run as event files of TensorBoard: one directory for the team's mean return, and one
-//! per agent with its returns and metrics. The step is the number of the episode or round.
+//! per agent with its returns and metrics. The step is the number of the episode or round. A value that is
+//! NaN is written as NaN, which TensorBoard marks.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::event_file::{scalar_event, version_event, write_event};
 use crate::record::metrics::{METRICS, Source};
@@ -13,14 +14,23 @@ use crate::run::review::LoadedRun;
 /// A value of a curve: step, name of the curve, value.
 type Point = (i64, String, f64);
 
-/// Writes the curves of a run below `folder` and returns the number of values.
+/// Names of the directories.
+const TEAM: &str = "team";
+const AGENT: &str = "agent_";
+
+/// Name of the event file in each directory.
+const FILE: &str = "events.out.tfevents.0.seedbed";
+
+/// Writes the curves of a run below `folder` and returns the number of values. Curves that were exported
+/// to `folder` before, such as those of another run with more agents, are removed first.
 ///
 /// # Errors
-/// A file cannot be written.
+/// A file cannot be removed or written, or a directory has event files of other programs, which
+/// TensorBoard would show as parts of the same curves.
 pub fn export(run: &LoadedRun, folder: &Path) -> io::Result<usize> {
     let mut curves: BTreeMap<String, Vec<Point>> = BTreeMap::new();
     for (step, value) in (0..).zip(run.team_returns()) {
-        let team = curves.entry("team".to_owned()).or_default();
+        let team = curves.entry(TEAM.to_owned()).or_default();
         team.push((step, "return".to_owned(), value));
     }
     for row in &run.episodes {
@@ -37,6 +47,7 @@ pub fn export(run: &LoadedRun, folder: &Path) -> io::Result<usize> {
             }
         }
     }
+    remove_earlier_export(folder)?;
     for (name, points) in &curves {
         write_events(&folder.join(name), points)?;
     }
@@ -44,13 +55,68 @@ pub fn export(run: &LoadedRun, folder: &Path) -> io::Result<usize> {
 }
 
 fn agent_folder(agent: u32) -> String {
-    format!("agent_{agent}")
+    format!("{AGENT}{agent}")
+}
+
+/// Removes the event files of an earlier export, and the directories that are empty then.
+fn remove_earlier_export(folder: &Path) -> io::Result<()> {
+    let subfolders: Vec<PathBuf> = subfolders(folder)?;
+    for subfolder in &subfolders {
+        if let Some(file) = event_file_of_others(subfolder)? {
+            return Err(io::Error::other(format!(
+                "{} is of another program, and TensorBoard would show its values in the same curves; name another \
+                 directory",
+                file.display()
+            )));
+        }
+    }
+    for subfolder in subfolders {
+        match fs::remove_file(subfolder.join(FILE)) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+            removed => removed?,
+        }
+        // A directory with other files stays.
+        let _ = fs::remove_dir(subfolder);
+    }
+    Ok(())
+}
+
+/// The directories of the team and of agents in `folder`.
+fn subfolders(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let entries = match fs::read_dir(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries?,
+    };
+    let mut subfolders = Vec::new();
+    for entry in entries {
+        let entry = entry?;
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let is_agent = |number: &str| number.parse::<u32>().is_ok();
+        if name == TEAM || name.strip_prefix(AGENT).is_some_and(is_agent) {
+            subfolders.push(entry.path());
+        }
+    }
+    subfolders.sort();
+    Ok(subfolders)
+}
+
+/// An event file that another program wrote to a directory.
+fn event_file_of_others(folder: &Path) -> io::Result<Option<PathBuf>> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        if name != FILE && name.to_string_lossy().contains("tfevents") {
+            return Ok(Some(entry.path()));
+        }
+    }
+    Ok(None)
 }
 
 /// Writes an event file to a directory.
 fn write_events(folder: &Path, points: &[Point]) -> io::Result<()> {
     fs::create_dir_all(folder)?;
-    let file = File::create(folder.join("events.out.tfevents.0.seedbed"))?;
+    let file = File::create(folder.join(FILE))?;
     let mut file = BufWriter::new(file);
     write_event(&mut file, &version_event())?;
     for (step, tag, value) in points {

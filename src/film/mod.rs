@@ -261,6 +261,19 @@ impl Film {
         }
     }
 
+    /// Name of the axis of returns, with the share of NaN, where curves have gaps.
+    fn label_of_returns(&self) -> String {
+        let all = || self.returns.iter().flatten();
+        let nan = all().filter(|value| value.is_nan()).count();
+        if nan == 0 {
+            return "return".to_owned();
+        }
+        format!(
+            "return (NaN {:.1} %)",
+            100.0 * nan as f64 / all().count() as f64
+        )
+    }
+
     fn curves(&self, episode: u32) -> Curves {
         let points = |returns: &[f64]| -> Vec<[f64; 2]> {
             let numbered = returns.iter().enumerate().take(episode as usize + 1);
@@ -289,7 +302,7 @@ impl Film {
         let last = self.returns.iter().map(Vec::len).max().unwrap_or(0);
         Curves {
             x_label: "episode".to_owned(),
-            y_label: "return".to_owned(),
+            y_label: self.label_of_returns(),
             series,
             x_range: Some([0.0, (last.max(2) - 1) as f64]),
             y_range: (low < high).then_some([low, high]),
@@ -307,7 +320,7 @@ fn axes_of_film(selection: &StateSelection, selected: &[SelectedStates]) -> Vec<
         selected
             .iter()
             .for_each(|agent| unplaced += agent.unplaced[index]);
-        plotting::axis_with_shares(&axis.quantity, &unplaced.shares(states))
+        plotting::axis_with_shares(&axis.quantity, unplaced.shares(states).to_array())
     })
     .collect()
 }

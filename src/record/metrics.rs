@@ -44,6 +44,9 @@ pub struct Metric {
     pub plotted: bool,
     /// Whether axes show the whole range of possible values instead of the range of the data.
     pub axis_shows_full_range: bool,
+    /// Whether a value is of everything up to its round. Such curves are not averaged over episodes: the
+    /// average would be of an earlier time.
+    pub is_cumulative: bool,
 }
 
 /// Whether each agent or the team has a value.
@@ -139,6 +142,7 @@ const DEFAULT_METRIC: Metric = Metric {
     recorded: true,
     plotted: false,
     axis_shows_full_range: false,
+    is_cumulative: false,
 };
 
 /// A field of a row: a number, or `None` if it was not measured.
@@ -272,33 +276,39 @@ metrics! {
         /// Share of the state space that the agent has visited so far.
         coverage: f64 as Coverage {
             title: "coverage per agent", range: Range::Share, runs: RunKind::All, group: Group::Visits,
-            plotted: true
+            plotted: true,
+            is_cumulative: true
         }
         /// Entropy of the agent's visits so far.
         visitation_entropy: f64 as VisitationEntropy {
-            title: "visitation entropy", unit: "nats", range: Range::NotNegative, group: Group::Visits
+            title: "visitation entropy", unit: "nats", range: Range::NotNegative, group: Group::Visits,
+            is_cumulative: true
         }
         /// Entropy of the agent's visits as a share of the largest possible entropy.
         visitation_evenness: f64 as VisitationEvenness {
             title: "visitation evenness", range: Range::Share, group: Group::Visits, recorded: false,
-            plotted: true
+            plotted: true,
+            is_cumulative: true
         }
         /// Share of the state space that any agent has visited so far.
         team_coverage: f64 as TeamCoverage {
             title: "team coverage", range: Range::Share, scope: Scope::Team, runs: RunKind::All,
-            group: Group::Team
+            group: Group::Team,
+            is_cumulative: true
         }
         /// Overlap of the agents' visits: 0 if no two agents visit the same states, 1 if all visit
         /// the same.
         team_overlap: f64 as TeamOverlap {
             title: "team overlap", range: Range::Share, scope: Scope::Team, runs: RunKind::All,
-            group: Group::Team
+            group: Group::Team,
+            is_cumulative: true
         }
         /// Effective number of agents: number of agents without overlap that would be equally
         /// diverse.
         effective_agents: f64 as EffectiveAgents {
             title: "effective agents", range: Range::Agents, scope: Scope::Team, runs: RunKind::All,
-            group: Group::Team, plotted: true
+            group: Group::Team, plotted: true,
+            is_cumulative: true
         }
         /// Overlap of the agents' visits in the latest 10 rounds.
         recent_overlap: Option<f64> as RecentOverlap {
@@ -313,7 +323,8 @@ metrics! {
         /// Share of the state space that the agent was the first to visit; shared equally with agents
         /// that visited it first in the same round. The sum over agents is the team coverage.
         first_coverage: Option<f64> as FirstCoverage {
-            title: "first visits", range: Range::Share, group: Group::Visits, plotted: true
+            title: "first visits", range: Range::Share, group: Group::Visits, plotted: true,
+            is_cumulative: true
         }
         /// Share of the state space that the agent was the first to visit in this round.
         new_coverage: Option<f64> as NewCoverage {
@@ -330,6 +341,12 @@ metrics! {
 }
 
 impl Metric {
+    /// Whether the metric counts visited cells of the display ranges of observations.
+    #[must_use]
+    pub fn is_of_visits(&self) -> bool {
+        matches!(self.group, Group::Visits | Group::Team)
+    }
+
     /// Title with the unit, such as `policy entropy (nats)`.
     #[must_use]
     pub fn label(&self) -> String {

@@ -22,7 +22,8 @@ pub enum Figure {
         /// Names of cells [default: all].
         #[serde(default)]
         cells: Vec<Located<String>>,
-        /// Number of episodes of the moving average.
+        /// Number of episodes of the moving average. Curves of everything up to an episode, such as
+        /// `TeamCoverage`, are not averaged.
         #[serde(default = "default_window")]
         window: Count,
     },

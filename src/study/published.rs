@@ -316,7 +316,7 @@ impl Row<'_> {
     /// Name of the cell and run seed.
     fn key(&self) -> Result<(String, u64), String> {
         let name = from_spreadsheet_cell(self.text("cell")?);
-        Ok((name.to_owned(), self.required("seed")?))
+        Ok((name.into_owned(), self.required("seed")?))
     }
 
     fn cost(&self) -> Result<RunCost, String> {
@@ -385,7 +385,7 @@ fn add_row(
         }
         "failed" => cell.failures.push((
             run_seed,
-            from_spreadsheet_cell(row.text("reason")?).to_owned(),
+            from_spreadsheet_cell(row.text("reason")?).into_owned(),
         )),
         other => return Err(format!("`{other}` in the column `state`")),
     }

@@ -246,7 +246,7 @@ fn add_results(files: &mut Files, study: &Path, results: &Results) -> Result<(),
 }
 
 fn read_me(plan: &StudyPlan, study: &Path, verify: &str) -> Vec<u8> {
-    let title = &plan.study().title;
+    let title = crate::text::markdown_cell(&plan.study().title);
     let results = published::folder_beside(study);
     format!(
         "# {title}\n\n\

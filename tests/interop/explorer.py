@@ -117,6 +117,25 @@ def check_random_brushes(page: Page, states: dict[str, np.ndarray], rng: random.
     assert with_states >= 5, "most random brushes select states"
 
 
+def check_ranges_of_brushes(page: Page, states: dict[str, np.ndarray], rng: random.Random) -> None:
+    """The range in the address of a brush has exactly the values that the brush selects, compared as numbers."""
+    axes = page.run("return explorer.axes")
+    agents, last = sorted(set(states["agent"].tolist())), int(states["episode"].max())
+    for _ in range(20):
+        a = rng.randrange(len(axes))
+        # Levels of values, so that states are at the ends of the brush.
+        numbers = states[axes[a]["name"]][np.isfinite(states[axes[a]["name"]])].tolist()
+        levels = sorted(page.run("return levelOf(explorer.axes[arguments[0]], arguments[1])", a, float(rng.choice(numbers))) for _ in range(2))
+        if levels == [0, MAX_LEVEL]:
+            continue  # the whole axis, which also selects states without a value
+        page.show("")
+        low, high = page.run("return rangeTexts(explorer.axes[arguments[0]], arguments[1])", a, levels)
+        page.run("explorer.setBrush(arguments[0], arguments[1]); explorer.draw();", a, levels)
+        brushes = [(axes[a]["name"], float(low or "-inf"), float(high or "inf"))]
+        expected = expected_counts(states, brushes, agents, (0, last))
+        assert page.counts() == expected, (axes[a]["name"], levels, low, high, page.counts(), expected)
+
+
 def check_written_ranges(page: Page, states: dict[str, np.ndarray]) -> None:
     """Ranges that people write include both of their ends, also after the page has written them in its address."""
     agents, last = sorted(set(states["agent"].tolist())), int(states["episode"].max())
@@ -330,6 +349,7 @@ def main() -> None:
         try:
             page = Page(browser, path)
             check_random_brushes(page, states, random.Random(0))
+            check_ranges_of_brushes(page, states, random.Random(1))
             check_written_ranges(page, states)
             check_difference(page)
             check_pointer(page)

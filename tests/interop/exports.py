@@ -4,6 +4,7 @@ Usage: exports.py SEEDBED RUN
 """
 
 import csv
+import json
 import subprocess
 import sys
 import tempfile
@@ -41,6 +42,10 @@ def check_states(folder: Path, episodes: dict[str, np.ndarray]) -> None:
         assert np.array_equal(arrays[name], column, equal_nan=arrays[name].dtype.kind == "f"), name
         assert np.array_equal(arrays[name], from_csv[name].astype(arrays[name].dtype), equal_nan=arrays[name].dtype.kind == "f"), name
     assert parquet["reward"].null_count == len(episodes["return"]), "the last state of each episode has no reward"
+    keys = list(zip(arrays["agent"].tolist(), arrays["episode"].tolist(), arrays["step"].tolist()))
+    assert keys == sorted(keys), "rows are sorted by agent, episode and step"
+    units = json.loads(pyarrow.parquet.read_schema(folder / "states.parquet").metadata[b"units"])
+    assert units and set(units) <= set(arrays), units
     assert len(arrays["step"]) == (episodes["length"] + 1).sum()
     returns: dict[tuple[int, int], float] = defaultdict(float)
     for agent, episode, reward in zip(arrays["agent"], arrays["episode"], arrays["reward"]):

@@ -6,6 +6,7 @@ mod architecture;
 mod cli;
 #[cfg(unix)]
 mod cluster;
+mod comparisons;
 mod damaged_files;
 mod determinism;
 #[cfg(unix)]
@@ -15,6 +16,7 @@ mod external;
 mod failing_calls;
 mod fuzz;
 mod generated;
+mod hostile_names;
 mod learning;
 mod messages;
 mod published;

@@ -55,7 +55,7 @@ fn file_start(header: &Value) -> Vec<u8> {
 
 /// Steps of an episode: observations, actions and rewards.
 #[derive(Clone)]
-struct Steps {
+pub(crate) struct Steps {
     episode: u32,
     first_step: u32,
     outcome: u32,
@@ -97,6 +97,38 @@ fn episode(number: u32, outcome: u32) -> Steps {
         observations: vec![0.0, base, 0.5, base + 10.0, 2.0, base - 10.0],
         actions: vec![1.0, 2.0],
         rewards: vec![0.1, base],
+    }
+}
+
+/// A file with one episode of these states of observations, with rewards of 1.
+pub(crate) fn file_of_states(agent: u32, observations: &Value, states: &[f32]) -> Vec<u8> {
+    let mut header = header(agent);
+    header["observations"] = observations.clone();
+    let steps = states.len() / observations.as_array().unwrap().len() - 1;
+    let episode = Steps {
+        observations: states.to_vec(),
+        actions: vec![0.0; steps],
+        rewards: vec![1.0; steps],
+        total: steps as f64,
+        ..episode(0, 1)
+    };
+    [file_start(&header), episode.frame()].concat()
+}
+
+/// A file of episodes of two observations.
+pub(crate) fn file_of_episodes(agent: u32, episodes: &[Steps]) -> Vec<u8> {
+    let frames: Vec<Vec<u8>> = episodes.iter().map(Steps::frame).collect();
+    [file_start(&header(agent)), frames.concat()].concat()
+}
+
+/// An episode of one step with this reward.
+pub(crate) fn short_episode(number: u32, reward: f32) -> Steps {
+    Steps {
+        observations: vec![0.0, 1.0, 0.5, 2.0],
+        actions: vec![1.0],
+        rewards: vec![reward],
+        total: f64::from(reward),
+        ..episode(number, 1)
     }
 }
 

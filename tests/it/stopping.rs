@@ -316,7 +316,7 @@ fn control_characters_in_names_are_escaped() {
     let output = seedbed(&["check", "no\u{1b}[31m\u{7}.ron"]);
     let errors = stderr(&output);
     assert_eq!(output.status.code(), Some(2));
-    assert!(errors.contains("no\\u{1b}[31m\\u{7}.ron"), "{errors}");
+    assert!(errors.contains("no\\u001b[31m\\u0007.ron"), "{errors}");
     assert!(
         !errors.contains('\u{1b}') && !errors.contains('\u{7}'),
         "{errors}"

@@ -142,9 +142,12 @@ impl IntervalRow {
     fn draw(&self, scale: &Scale, area: &Rect, y: f64, svg: &mut SvgWriter) {
         if let Some([low, high]) = self.interval {
             // Position and, at an open end, direction of an arrow.
-            let end = |value: f64, edge: f64, outward: f64| match value.is_finite() {
-                true => (scale.position(value), None),
-                false => (edge, Some(outward)),
+            let end = |value: f64, edge: f64, outward: f64| {
+                if value.is_finite() {
+                    (scale.position(value), None)
+                } else {
+                    (edge, Some(outward))
+                }
             };
             let ends = [end(low, area.x, -1.0), end(high, area.right(), 1.0)];
             let shaft = ends.map(|(x, arrow)| [x - ARROW_LENGTH * arrow.unwrap_or(0.0), y]);

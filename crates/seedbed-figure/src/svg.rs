@@ -297,10 +297,14 @@ fn format_length(value: f64) -> String {
     }
 }
 
-/// Replaces characters that are markup in XML by entities, and removes control characters, which
-/// XML does not allow.
+/// Replaces characters that are markup in XML by entities, and removes control characters and others that
+/// XML does not allow, and controls that change the direction of text.
 fn escape(text: &str) -> String {
-    let allowed = text.chars().filter(|letter| !letter.is_control());
+    let is_removed = |letter: char| {
+        letter.is_control()
+            || matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{fffe}' | '\u{ffff}')
+    };
+    let allowed = text.chars().filter(|letter| !is_removed(*letter));
     allowed.fold(String::new(), |mut text, letter| {
         match letter {
             '&' => text.push_str("&amp;"),
@@ -327,7 +331,10 @@ mod tests {
 
     #[test]
     fn text_is_escaped() {
-        assert_eq!(escape("a < b & \"c\"\u{7}"), "a &lt; b &amp; &quot;c&quot;");
+        assert_eq!(
+            escape("a < b & \"c\"\u{7}\u{9b}\u{202e}\u{ffff}"),
+            "a &lt; b &amp; &quot;c&quot;"
+        );
     }
 
     #[test]

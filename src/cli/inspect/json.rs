@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use super::Inspected;
 use seedbed::record::EpisodeRow;
+use seedbed::run::review::distribution::ValueDistribution;
 use seedbed::run::review::final_mean;
-use seedbed::run::review::recording_stats::ValueDistribution;
 use seedbed::run::summary::Summary;
 use seedbed_env::Status;
 
@@ -22,6 +22,8 @@ struct RunJson<'a> {
     /// Mean over agents of the return of their n-th episode.
     team_returns: Vec<f64>,
     final_return: Option<f64>,
+    /// Number of episodes whose return is NaN; such a return is `null`.
+    nan_returns: usize,
     overlap: Option<f64>,
     effective_agents: Option<f64>,
     recent_effective_agents: Option<f64>,
@@ -51,12 +53,18 @@ struct ObservationJson {
     name: String,
     unit: String,
     states: u64,
+    /// Smallest value other than NaN; `null` if it is infinite.
     min: f32,
-    median: Option<f32>,
+    /// Exact median without NaN.
+    median: Option<f64>,
     max: f32,
     axis_range: [f32; 2],
     /// Share of the values outside the range of the axis.
     outside: f64,
+    /// Share of the values that are NaN.
+    nan: f64,
+    /// Share of the values that are infinite.
+    infinite: f64,
 }
 
 /// The summary as a JSON object.
@@ -73,6 +81,7 @@ pub(super) fn text(inspected: &Inspected) -> String {
         env_steps: inspected.env_steps(),
         summary: run.summary.as_ref(),
         final_return: final_mean(&team_returns),
+        nan_returns: inspected.nan_returns(),
         team_returns,
         overlap: diversity.map(|(overlap, _)| overlap),
         effective_agents: diversity.map(|(_, agents)| agents),
@@ -100,7 +109,11 @@ fn agent_json(inspected: &Inspected, agent: u32) -> AgentJson {
         agent,
         episodes: returns.len(),
         final_return: final_mean(&returns),
-        best_return: returns.iter().copied().max_by(f64::total_cmp),
+        best_return: returns
+            .iter()
+            .copied()
+            .filter(|value| !value.is_nan())
+            .max_by(f64::total_cmp),
         mean_length: mean(|row| f64::from(row.length)),
         terminated: mean(|row| f64::from(u8::from(row.outcome == Status::Terminated))),
         coverage: inspected.coverage(agent),
@@ -121,6 +134,7 @@ fn observations(inspected: &Inspected) -> Vec<ObservationJson> {
 
 fn observation_json(distribution: &ValueDistribution) -> ObservationJson {
     let quantity = &distribution.quantity;
+    let share = |count: u64| count as f64 / distribution.count as f64;
     ObservationJson {
         name: quantity.name.clone(),
         unit: quantity.unit.clone(),
@@ -129,6 +143,8 @@ fn observation_json(distribution: &ValueDistribution) -> ObservationJson {
         median: distribution.median(),
         max: distribution.max,
         axis_range: quantity.range,
-        outside: distribution.outside as f64 / distribution.count as f64,
+        outside: share(distribution.outside),
+        nan: share(distribution.nan),
+        infinite: share(distribution.infinite),
     }
 }

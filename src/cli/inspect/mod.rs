@@ -172,6 +172,12 @@ impl Inspected {
         self.agents.iter().map(row).collect()
     }
 
+    /// Number of selected episodes whose return is NaN.
+    fn nan_returns(&self) -> usize {
+        let returns = self.run.episodes.iter().map(|row| row.r#return);
+        returns.filter(|value| value.is_nan()).count()
+    }
+
     /// How the episodes ended. There is at least one.
     fn endings(&self) -> Endings {
         let rows = &self.run.episodes;
@@ -233,7 +239,7 @@ impl Inspected {
     /// update.
     fn evenness(&self, agent: u32) -> Option<f64> {
         self.visitation(agent)
-            .map(|visitation| visitation.entropy() / visitation.max_entropy())
+            .map(Visitation::evenness)
             .or(self.last_update(agent).map(|row| row.visitation_evenness))
     }
 

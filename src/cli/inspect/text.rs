@@ -3,16 +3,16 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use console::{Style, Term};
+use console::Term;
 use indicatif::HumanBytes;
 
-use super::super::pluralize;
 use super::super::sparkline::sparkline;
+use super::super::{bold, green, pluralize};
 use super::Inspected;
 use seedbed::record::state_files::StateFiles;
 use seedbed::run::measures::recent::RECENT_ROUNDS;
+use seedbed::run::review::distribution::ValueDistribution;
 use seedbed::run::review::final_mean;
-use seedbed::run::review::recording_stats::ValueDistribution;
 use seedbed::run::summary::FINAL_WINDOW;
 use seedbed::study::experiment::NO_THRESHOLD;
 use seedbed::text::without_trailing_zeros;
@@ -102,7 +102,7 @@ impl TerminalSummary<'_> {
         match (summary.solved_at, summary.episodes_until_solved) {
             (None, _) => format!("finished; solved: {NO_THRESHOLD}\n"),
             (Some(threshold), Some(episodes)) => {
-                let solved = Style::new().green().apply_to("solved");
+                let solved = green("solved");
                 format!(
                     "{solved} after {} per agent: the team's mean return over {} reached {}\n",
                     pluralize(episodes, "episode"),
@@ -123,19 +123,19 @@ impl TerminalSummary<'_> {
         let Some(final_return) = final_mean(&returns) else {
             return "no episode finished by all agents\n".to_owned();
         };
-        let (min, max) = min_max(&returns);
+        let range = min_max(&returns);
         let curve = sparkline(
             &returns,
             self.width.saturating_sub(30).min(returns.len()),
-            [min, max],
+            range.unwrap_or_default(),
         );
         format!(
             "{}\n  {:>9} {curve} {:<9}\n  min {}, max {}, mean of the last {} episodes: {}\n",
             bold("mean return of the team per episode, from the first to the last"),
             format_number(returns[0]),
             format_number(returns[returns.len() - 1]),
-            format_number(min),
-            format_number(max),
+            format_or_dash(range.map(|[min, _]| min)),
+            format_or_dash(range.map(|[_, max]| max)),
             FINAL_WINDOW.min(returns.len()),
             format_number(final_return)
         ) + &self.endings()
@@ -151,6 +151,15 @@ impl TerminalSummary<'_> {
             format_number(endings.last_length),
             format_percent(Some(endings.terminated)),
         );
+        let nan = self.inspected.nan_returns();
+        if nan > 0 {
+            text += &format!(
+                "  return NaN {}: in {} of {}, left out of min, max and best\n",
+                format_percent(Some(nan as f64 / self.inspected.run.episodes.len() as f64)),
+                with_thousands_separators(nan as u64),
+                pluralize(self.inspected.run.episodes.len(), "episode")
+            );
+        }
         if endings.all_returns_equal {
             text += "  all episodes have the same return: agents may never have been rewarded\n";
         }
@@ -190,7 +199,7 @@ impl TerminalSummary<'_> {
 
     fn agent_row(&self, agent: u32, has_bonus: bool) -> String {
         let returns: Vec<f64> = self.inspected.run.returns(agent).collect();
-        let (min, max) = min_max(&returns);
+        let range = min_max(&returns);
         let curve_width = self
             .width
             .saturating_sub(if has_bonus { 78 } else { 68 })
@@ -199,20 +208,21 @@ impl TerminalSummary<'_> {
         format!(
             "  {agent:>5} {:>8} {:>9} {:>9} {:>9} {:>7} {:>8}{}  {}\n",
             returns.len(),
-            format_number(final_mean(&returns).unwrap_or(f64::NAN)),
-            format_number(max),
+            format_or_dash(final_mean(&returns)),
+            format_or_dash(range.map(|[_, max]| max)),
             format_percent(self.inspected.coverage(agent)),
             format_percent(self.inspected.first_coverage(agent)),
             format_percent(self.inspected.evenness(agent)),
             if has_bonus {
-                format!(
-                    " {:>9}",
-                    format_number(intrinsic_reward.unwrap_or(f64::NAN))
-                )
+                format!(" {:>9}", format_or_dash(intrinsic_reward))
             } else {
                 String::new()
             },
-            sparkline(&returns, curve_width.min(returns.len()), [min, max])
+            sparkline(
+                &returns,
+                curve_width.min(returns.len()),
+                range.unwrap_or_default()
+            )
         )
     }
 
@@ -263,7 +273,8 @@ impl TerminalSummary<'_> {
         text + "\n"
     }
 
-    /// Smallest, median and largest value of each observation and of the intrinsic reward.
+    /// Smallest, median and largest value of each observation and of the intrinsic reward, and of actions and
+    /// rewards of which some are no finite numbers.
     fn observation_table(&self) -> String {
         let Some(stats) = self.inspected.stats.as_ref().filter(|stats| {
             stats
@@ -277,7 +288,12 @@ impl TerminalSummary<'_> {
             .distributions
             .iter()
             .chain(&stats.intrinsic_rewards)
+            .chain(not_finite(&stats.actions))
+            .chain(not_finite(std::slice::from_ref(&stats.rewards)))
             .collect();
+        let has_nan = distributions
+            .iter()
+            .any(|distribution| distribution.nan > 0);
         let name_width = distributions
             .iter()
             .map(|distribution| label(distribution).chars().count())
@@ -285,20 +301,25 @@ impl TerminalSummary<'_> {
             .unwrap_or(0);
         let states = with_thousands_separators(stats.distributions[0].count);
         let mut text = format!(
-            "{}\n  {:name_width$} {:>10} {:>10} {:>10} {:>22} {:>8}\n",
+            "{}\n  {:name_width$} {:>10} {:>10} {:>10} {:>22} {:>8}{}\n",
             bold(&format!("observations in {states} states")),
             "",
             "min",
             "median",
             "max",
             "axis range",
-            "outside"
+            "outside",
+            if has_nan {
+                "       NaN (left out of min, median and max)"
+            } else {
+                ""
+            }
         );
         for distribution in distributions
             .into_iter()
             .filter(|distribution| distribution.count > 0)
         {
-            text += &distribution_row(distribution, name_width);
+            text += &distribution_row(distribution, name_width, has_nan);
         }
         text
     }
@@ -336,22 +357,35 @@ impl TerminalSummary<'_> {
     }
 }
 
+/// The distributions of which some values are NaN or infinite.
+fn not_finite(distributions: &[ValueDistribution]) -> impl Iterator<Item = &ValueDistribution> {
+    let is_not_finite =
+        |distribution: &&ValueDistribution| distribution.nan + distribution.infinite > 0;
+    distributions.iter().filter(is_not_finite)
+}
+
 /// Row of the table of observations, with a name column of `name_width` characters.
-fn distribution_row(distribution: &ValueDistribution, name_width: usize) -> String {
+fn distribution_row(distribution: &ValueDistribution, name_width: usize, has_nan: bool) -> String {
+    let has_numbers = distribution.number_count() > 0;
+    let end = |value: f32| has_numbers.then(|| f64::from(value));
+    let share = |count: u64| format_percent(Some(count as f64 / distribution.count as f64));
     let [low, high] = distribution
         .quantity
         .range
         .map(|end| format_number(f64::from(end)));
     format!(
-        "  {:name_width$} {:>10} {:>10} {:>10} {:>22} {:>8}\n",
+        "  {:name_width$} {:>10} {:>10} {:>10} {:>22} {:>8}{}\n",
         label(distribution),
-        format_number(f64::from(distribution.min)),
-        format_number(distribution.median().map_or(f64::NAN, f64::from)),
-        format_number(f64::from(distribution.max)),
+        format_or_dash(end(distribution.min)),
+        format_or_dash(distribution.median()),
+        format_or_dash(end(distribution.max)),
         format!("{low} to {high}"),
-        format_percent(Some(
-            distribution.outside as f64 / distribution.count as f64
-        ))
+        share(distribution.outside),
+        if has_nan {
+            format!(" {:>9}", share(distribution.nan))
+        } else {
+            String::new()
+        }
     )
 }
 
@@ -371,21 +405,23 @@ fn label(distribution: &ValueDistribution) -> String {
     }
 }
 
-fn bold(text: &str) -> String {
-    Style::new().bold().apply_to(text).to_string()
-}
-
+/// A share in percent, which is not shown as 0 unless it is 0.
 fn format_percent(share: Option<f64>) -> String {
-    share
-        .filter(|share| share.is_finite())
-        .map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share))
+    match share.filter(|share| share.is_finite()) {
+        None => "–".to_owned(),
+        Some(share) if 0.0 < share && share < 0.0005 => "< 0.1 %".to_owned(),
+        Some(share) => format!("{:.1} %", 100.0 * share),
+    }
 }
 
 /// Formats a number with four significant digits, but at most six decimals, without trailing zeros.
 /// Digits before the decimal point are never rounded.
 fn format_number(value: f64) -> String {
-    if !value.is_finite() {
-        return "–".to_owned();
+    match value {
+        f64::INFINITY => return "∞".to_owned(),
+        f64::NEG_INFINITY => return "−∞".to_owned(),
+        _ if value.is_nan() => return "NaN".to_owned(),
+        _ => {}
     }
     let integer_digits = if value == 0.0 {
         0
@@ -396,16 +432,22 @@ fn format_number(value: f64) -> String {
     without_trailing_zeros(&text).to_owned()
 }
 
+/// The number, or a dash if there is none.
+fn format_or_dash(value: Option<f64>) -> String {
+    value.map_or("–".to_owned(), format_number)
+}
+
 fn with_thousands_separators(number: u64) -> String {
     indicatif::HumanCount(number).to_string()
 }
 
-fn min_max(values: &[f64]) -> (f64, f64) {
-    values
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| {
-            (low.min(value), high.max(value))
-        })
+/// Smallest and largest value other than NaN; `None` without such values.
+fn min_max(values: &[f64]) -> Option<[f64; 2]> {
+    let numbers = values.iter().filter(|value| !value.is_nan());
+    let extremes = numbers.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &value| {
+        [low.min(value), high.max(value)]
+    });
+    (extremes[0] <= extremes[1]).then_some(extremes)
 }
 
 #[cfg(test)]
@@ -421,12 +463,24 @@ mod tests {
             0.012_342,
             1e6,
             f64::NAN,
+            f64::NEG_INFINITY,
             -0.000_000_1,
         ]
         .map(format_number);
         assert_eq!(
             numbers,
-            ["0", "195", "-1235", "0.01234", "1000000", "–", "0"]
+            ["0", "195", "-1235", "0.01234", "1000000", "NaN", "−∞", "0"]
         );
+        assert_eq!(format_or_dash(None), "–");
+        assert_eq!(
+            [0.0, 1e-5, 0.0005, 0.3].map(|share| format_percent(Some(share))),
+            ["0.0 %", "< 0.1 %", "0.1 %", "30.0 %"]
+        );
+    }
+
+    #[test]
+    fn the_range_of_values_leaves_nan_out() {
+        assert_eq!(min_max(&[f64::NAN, 2.0, -1.0]), Some([-1.0, 2.0]));
+        assert_eq!(min_max(&[f64::NAN]), None);
     }
 }

@@ -2,8 +2,11 @@
 
 use super::PlottedRun;
 use seedbed::record::metrics::{Metric, Scope, round_metrics_in_display_order};
+use seedbed::run::Plan;
 use seedbed::run::summary::FINAL_WINDOW;
 use seedbed::study::measure::trailing_means;
+use seedbed::text::without_trailing_zeros;
+use seedbed_env::Quantity;
 use seedbed_figure::color::{AGENT_COLORS, OTHERS_COLOR, TEAM_COLOR, categorical_color};
 use seedbed_figure::{Color, Curves, Panel, Row, Series, Threshold};
 
@@ -87,7 +90,7 @@ fn returns_of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
     ));
     let thresholds = threshold(run).into_iter().collect();
     panel(
-        "returns",
+        &format!("returns{}", nan_note(returns_of(&[run]))),
         "episode of each agent",
         "return",
         series,
@@ -102,13 +105,35 @@ fn returns_of_teams(runs: &[PlottedRun]) -> Curves {
         .collect();
     let mut thresholds: Vec<Threshold> = runs.iter().filter_map(threshold).collect();
     thresholds.dedup();
-    let title = format!("mean return of each team over {FINAL_WINDOW} episodes");
+    let runs: Vec<&PlottedRun> = runs.iter().collect();
+    let title = format!(
+        "mean return of each team over {FINAL_WINDOW} episodes{}",
+        nan_note(returns_of(&runs))
+    );
     panel(
         &title,
         "episode of each agent",
         "return",
         series,
         thresholds,
+    )
+}
+
+fn returns_of<'a>(runs: &'a [&'a PlottedRun]) -> impl Iterator<Item = f64> + Clone + 'a {
+    let rows = runs.iter().flat_map(|run| &run.loaded_run.episodes);
+    rows.map(|row| row.r#return)
+}
+
+/// What a title says if values are NaN, where curves have gaps, such as ` (NaN 30 %)`.
+fn nan_note(values: impl Iterator<Item = f64> + Clone) -> String {
+    let nan = values.clone().filter(|value| value.is_nan()).count();
+    if nan == 0 {
+        return String::new();
+    }
+    let percent = 100.0 * nan as f64 / values.count() as f64;
+    format!(
+        " (NaN {} %)",
+        without_trailing_zeros(&format!("{percent:.1}"))
     )
 }
 
@@ -142,6 +167,7 @@ fn threshold(run: &PlottedRun) -> Option<Threshold> {
 /// one line each, the combined value of the team. Metrics that no run has, or that are always 0,
 /// are omitted.
 pub(super) fn metric_rows(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
+    let visits_are_comparable = have_same_axes(runs);
     let rows = || runs.iter().flat_map(|run| &run.loaded_run.rounds);
     let is_shown = |metric: &&Metric| {
         let mut values = rows().filter_map(|row| metric.value(row));
@@ -150,6 +176,7 @@ pub(super) fn metric_rows(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
     let panels: Vec<Panel> = round_metrics_in_display_order()
         .into_iter()
         .filter(is_shown)
+        .filter(|metric| !metric.is_of_visits() || visits_are_comparable)
         .map(|metric| Panel::Curves(metric_panel(runs, agents, metric)))
         .collect();
     let row_of = |panels: &[Panel]| {
@@ -162,6 +189,46 @@ pub(super) fn metric_rows(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
         }
     };
     panels.chunks(3).map(row_of).collect()
+}
+
+/// Whether measures of visits can be compared between runs: they count cells of the display ranges of
+/// observations. If the same observations have other ranges, a note says so.
+fn have_same_axes(runs: &[PlottedRun]) -> bool {
+    let with_observations: Vec<(&String, Vec<Quantity>)> = runs
+        .iter()
+        .filter_map(|run| Some((&run.label, observations(run)?)))
+        .collect();
+    let Some(((first, observations), others)) = with_observations.split_first() else {
+        return true;
+    };
+    for (label, of_other) in others {
+        let mut pairs = observations.iter().zip(of_other);
+        let other_range = |(one, other): &(&Quantity, &Quantity)| {
+            one.name == other.name && one.range != other.range
+        };
+        if let Some((one, other)) = pairs.find(other_range) {
+            let [range, range_of_first] = [other, one].map(|quantity| {
+                let [low, high] = quantity.range;
+                format!("{low} to {high}")
+            });
+            note!(
+                "note: coverage, evenness and effective agents are not drawn, because they are measured on other axes: \
+                 {} is {range} in {label}, and {range_of_first} in {first}",
+                one.name
+            );
+            return false;
+        }
+    }
+    true
+}
+
+/// The observations of the recording or, without one, of the task; `None` if they are not known.
+fn observations(run: &PlottedRun) -> Option<Vec<Quantity>> {
+    if let Some(recording) = &run.loaded_run.recording {
+        return Some(recording.observations().to_vec());
+    }
+    let plan = Plan::of_run(run.loaded_run.folder.as_ref()?).ok()?;
+    Some(plan.description.spec().observations.clone())
 }
 
 fn metric_panel(runs: &[PlottedRun], agents: &[u32], metric: &Metric) -> Curves {
@@ -180,7 +247,13 @@ fn metric_panel(runs: &[PlottedRun], agents: &[u32], metric: &Metric) -> Curves 
             })
             .collect(),
     };
-    panel(&metric.label(), "round", "", series, Vec::new())
+    let values = series.iter().flat_map(|series| &series.points);
+    let title = format!(
+        "{}{}",
+        metric.label(),
+        nan_note(values.map(|point| point[1]))
+    );
+    panel(&title, "round", "", series, Vec::new())
 }
 
 fn metric_of_agent(run: &PlottedRun, shown: ShownAgent, metric: &Metric) -> Series {
@@ -193,7 +266,7 @@ fn metric_of_agent(run: &PlottedRun, shown: ShownAgent, metric: &Metric) -> Seri
     Series {
         name: shown.name,
         color: shown.color,
-        points: finite_points(points),
+        points: points.collect(),
         ..Series::default()
     }
 }
@@ -208,13 +281,9 @@ fn metric_of_team(run: &PlottedRun, name: String, color: Color, metric: &Metric)
     Series {
         name,
         color,
-        points: finite_points(points),
+        points: points.collect(),
         ..Series::default()
     }
-}
-
-fn finite_points(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
-    points.filter(|[_, value]| value.is_finite()).collect()
 }
 
 fn panel(

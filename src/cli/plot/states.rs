@@ -359,7 +359,10 @@ impl<'a> StateGroup<'a> {
         for agent in &self.agents {
             unplaced += agent.unplaced[position];
         }
-        axis_with_shares(&self.quantity(index), &unplaced.shares(self.state_count()))
+        axis_with_shares(
+            &self.quantity(index),
+            unplaced.shares(self.state_count()).to_array(),
+        )
     }
 
     /// The axes of a pair of indices among all axes.
@@ -466,6 +469,7 @@ impl StateColors {
     fn color(&self, agent: u32, state: &SelectedState) -> Color {
         let [low, high] = self.range;
         match color_value(self.color_by, state) {
+            Some(value) if value.is_nan() => OTHERS_COLOR,
             Some(value) => sequential_color((value - low) / (high - low)),
             None if self.color_by == ColorBy::Agent => agent_color(agent),
             None => outcome_color(state.outcome),
@@ -491,20 +495,28 @@ fn color_range(color_by: ColorBy, groups: &[StateGroup<'_>]) -> [f64; 2] {
         .flat_map(|group| &group.agents)
         .flat_map(|states| &states.sample)
         .filter_map(|state| color_value(color_by, state))
+        .filter(|value| value.is_finite())
         .fold([f64::INFINITY, f64::NEG_INFINITY], |ends, value| {
             [ends[0].min(value), ends[1].max(value)]
         });
     if high > low {
         [low, high]
+    } else if low > high {
+        [0.0, 1.0]
     } else {
         [low.min(0.0), low.max(0.0) + 1.0]
     }
 }
 
 fn color_key(color_by: ColorBy, range: [f64; 2], groups: &[StateGroup<'_>]) -> Option<Key> {
+    let mut states = groups
+        .iter()
+        .flat_map(|group| &group.agents)
+        .flat_map(|states| &states.sample);
+    let has_nan = states.any(|state| color_value(color_by, state).is_some_and(f64::is_nan));
     let continuous_key = |label: &str| {
         Some(Key::Continuous {
-            label: label.to_owned(),
+            label: format!("{label}{}", if has_nan { ", gray: NaN" } else { "" }),
             range,
         })
     };

@@ -1,36 +1,70 @@
 "use strict";
-/* Brushes are ranges of levels [low, high]. In texts they are ranges of values, whose ends are half a level
-   outside, so that a value is in the range exactly if its level is in the brush. */
+/* Brushes are ranges of levels [low, high]. In texts they are ranges of values: those between the smallest and the
+   largest value whose level is in the brush. Values are numbers in single precision, or whole numbers. */
 
 /** The value at a level, which may be fractional. */
 function valueAt(axis, level) {
   return axis.low + (level / MAX_LEVEL) * (axis.high - axis.low);
 }
 
-/** Lower and upper end of a brush as values, half way between two levels, or as whole numbers on axes of such;
-    ±Infinity at an end of the axis, beyond which values count too. */
-function brushValues(axis, [low, high]) {
-  const isWhole = axis.kind === "step" || axis.kind === "episode";
-  const [first, last] = [valueAt(axis, low - 0.5), valueAt(axis, high + 0.5)];
-  return [
-    low <= 0 ? -Infinity : isWhole ? Math.ceil(first) : first,
-    high >= MAX_LEVEL ? Infinity : isWhole ? Math.floor(last) : last,
-  ];
+function isWhole(axis) {
+  return axis.kind === "step" || axis.kind === "episode";
 }
 
-/** Error of computed levels. */
-const ROUNDING = 1e-6;
+const SINGLE = new Float32Array(1);
+const SINGLE_BITS = new Int32Array(SINGLE.buffer);
+/** The bits of -0. */
+const MINUS_ZERO = -0x80000000;
 
-/** The brush of a range of values: the levels of both ends and all between. An end half way between two levels is that
-    of the inner level. */
+/** Number of a value among all values of an axis, in their order. */
+function orderOf(axis, value) {
+  if (isWhole(axis)) return value;
+  SINGLE[0] = value;
+  return SINGLE_BITS[0] < 0 ? MINUS_ZERO - SINGLE_BITS[0] : SINGLE_BITS[0];
+}
+
+/** The value with a number of `orderOf`. */
+function valueOf(axis, order) {
+  if (isWhole(axis)) return order;
+  SINGLE_BITS[0] = order < 0 ? MINUS_ZERO - order : order;
+  return SINGLE[0];
+}
+
+/** The smallest value that is not below a number. */
+function valueAtLeast(axis, number) {
+  const value = isWhole(axis) ? Math.ceil(number) : Math.fround(number);
+  return value < number ? valueOf(axis, orderOf(axis, value) + 1) : value;
+}
+
+/** The largest value that is not above a number. */
+function valueAtMost(axis, number) {
+  const value = isWhole(axis) ? Math.floor(number) : Math.fround(number);
+  return value > number ? valueOf(axis, orderOf(axis, value) - 1) : value;
+}
+
+/** The smallest value on an axis whose level is at least `level`. */
+function firstValue(axis, level) {
+  let before = orderOf(axis, valueAtLeast(axis, axis.low)) - 1;
+  let first = orderOf(axis, valueAtMost(axis, axis.high)) + 1;
+  while (first - before > 1) {
+    const middle = Math.floor((before + first) / 2);
+    if (levelOf(axis, valueOf(axis, middle)) < level) before = middle;
+    else first = middle;
+  }
+  return valueOf(axis, first);
+}
+
+/** Smallest and largest value of a brush; ±Infinity at an end of the axis, beyond which values count too. */
+function brushValues(axis, [low, high]) {
+  const last = (level) => valueOf(axis, orderOf(axis, firstValue(axis, level + 1)) - 1);
+  return [low <= 0 ? -Infinity : firstValue(axis, low), high >= MAX_LEVEL ? Infinity : last(high)];
+}
+
+/** The brush of a range of values: the levels of its smallest and largest value, and all between; null without values. */
 function brushOf(axis, low, high) {
-  const position = (value) => ((value - axis.low) / (axis.high - axis.low)) * MAX_LEVEL;
-  const clamp = (level) => Math.min(Math.max(level, 0), MAX_LEVEL);
-  const brush = [
-    low === -Infinity ? 0 : clamp(Math.floor(position(low) + 0.5 + ROUNDING)),
-    high === Infinity ? MAX_LEVEL : clamp(Math.ceil(position(high) - 0.5 - ROUNDING)),
-  ];
-  return brush[0] <= brush[1] ? brush : null;
+  const [first, last] = [valueAtLeast(axis, low), valueAtMost(axis, high)];
+  if (!(first <= last)) return null;
+  return [low === -Infinity ? 0 : levelOf(axis, first), high === Infinity ? MAX_LEVEL : levelOf(axis, last)];
 }
 
 /** A brush without one that covers the whole axis; it would only exclude missing values. */
@@ -44,6 +78,11 @@ function formatNumber(value, digits = 3) {
   const size = Math.abs(value);
   const text = size >= 1e6 || size < 1e-4 ? value.toExponential(digits - 1) : value.toPrecision(digits);
   return String(Number(text)).replace("-", "−");
+}
+
+/** A share in percent, such as 30 % or 0.02 %. */
+function formatShare(share) {
+  return `${formatNumber(100 * share, share < 0.1 ? 1 : 2)} %`;
 }
 
 function formatCount(count) {

@@ -34,6 +34,7 @@ async function decode(text, count, bytesPerNumber) {
 
 /** The level of a value of an axis. */
 function levelOf(axis, value) {
+  if (Number.isNaN(value)) return MISSING;
   const share = (value - axis.low) / (axis.high - axis.low);
   return Math.round(Math.min(Math.max(share, 0), 1) * MAX_LEVEL);
 }
@@ -62,6 +63,13 @@ function episodeValues(axis, episodes) {
   return { episode: episodes.episode, return: episodes.return }[axis.kind] ?? null;
 }
 
+/** Number of states of the episodes whose value is NaN. */
+function statesOfNan(values, episodes) {
+  let count = 0;
+  values?.forEach((value, e) => (count += Number.isNaN(value) ? episodes.kept[e] : 0));
+  return count;
+}
+
 /** A run with typed arrays: `levels` and `bins` per axis (null if the run has no such quantity). */
 async function loadRun(data, axes) {
   const episodes = await loadEpisodes(data.episodes);
@@ -83,7 +91,8 @@ async function loadRun(data, axes) {
     return Uint8Array.from(episodeOf, (e) => ofEpisodes[e]);
   });
   const outside = data.columns.map((column) => column?.outside ?? [0, 0]);
-  const run = { ...data, episodes, starts, episodeOf, levels, episodeLevels, bins, outside };
+  const nan = data.columns.map((column, a) => column?.nan ?? statesOfNan(episodeValues(axes[a], episodes), episodes));
+  const run = { ...data, episodes, starts, episodeOf, levels, episodeLevels, bins, outside, nan };
   run.film = data.film && (await loadFilm(run, data, axes));
   return run;
 }

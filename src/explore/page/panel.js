@@ -231,7 +231,7 @@ class Panel {
     this.drawOutside(pen, theme, x, a);
   }
 
-  /** Marks ends beyond which there are values. */
+  /** Marks ends beyond which there are values, and axes on which values are NaN. */
   drawOutside(pen, theme, x, a) {
     const [below, above] = this.run.outside[a] ?? [0, 0];
     const [top, bottom] = [this.y(MAX_LEVEL), this.y(0)];
@@ -239,6 +239,8 @@ class Panel {
     const where = (word) => (isWide ? ` ${word}` : "");
     if (above) pen.text(`▲ ${formatCount(above)}${where("above")}`, x, top - 5, theme.warning, 10, "center", 90);
     if (below) pen.text(`▼ ${formatCount(below)}${where("below")}`, x, bottom + 14, theme.warning, 10, "center", 90);
+    const nan = this.run.nan[a];
+    if (nan) pen.text(`NaN ${formatShare(nan / this.run.kept)}`, x, bottom + (below ? 24 : 14), theme.warning, 10, "center", 90);
   }
 
   drawFilmedLine(pen, theme) {
@@ -317,7 +319,9 @@ class Panel {
     }
     const truncated = selection.episodes - selection.terminated;
     const ends = `${formatCount(selection.terminated)} terminated, ${formatCount(truncated)} truncated, `;
-    const mean = `mean return ${selection.episodes ? formatNumber(selection.returns / selection.episodes, 4) : "–"}`;
+    const known = selection.episodes - selection.nanReturns;
+    const without = selection.nanReturns ? ` without ${formatCount(selection.nanReturns)} NaN` : "";
+    const mean = `mean return ${known ? formatNumber(selection.returns / known, 4) : "–"}${without}`;
     return `${formatCount(selection.count)} of ${plural(run.kept, "state")}${every}, ${plural(selection.episodes, "episode")} (${ends}${mean}), ${plural(agents, "agent")}`;
   }
 

@@ -106,6 +106,7 @@ class Painter {
     Object.assign(this, { run, view, theme });
     this.weights = new Float32Array(BINS * BINS);
     this.others = new Float32Array(BINS * BINS);
+    this.nans = new Float32Array(BINS * BINS);
     const isByAgent = view.color === "agent";
     this.highlighted = isByAgent ? highlightedAgents(run, view) : [];
     const others = this.highlighted.length;
@@ -134,12 +135,14 @@ class Painter {
     }
   }
 
-  /** The mean over the states of each pair as a color. */
+  /** The mean over the states of each pair as a color; gray if all values are NaN. */
   valueColors(first, second, selection, values, [low, high]) {
-    sumPairs(this.run, first, second, selection, values, this.weights, this.others);
+    sumPairs(this.run, first, second, selection, values, this.weights, this.others, this.nans);
     return Array.from(this.weights, (weight, pair) => {
       if (!weight) return null;
-      const share = (this.others[pair] / weight - low) / (high - low || 1);
+      const known = weight - this.nans[pair];
+      if (!known) return this.theme.muted;
+      const share = (this.others[pair] / known - low) / (high - low || 1);
       return this.theme.sequentialTable[Math.round(255 * Math.min(Math.max(share, 0), 1))];
     });
   }
@@ -180,7 +183,7 @@ class Painter {
     const { run, view } = this;
     const own = selection.ofAgent[view.compared] || 1;
     const isCompared = Float32Array.from(run.episodes.agent, (agent) => (agent === view.compared ? 1 : 0));
-    sumPairs(run, first, second, selection, isCompared, this.weights, this.others);
+    sumPairs(run, first, second, selection, isCompared, this.weights, this.others, this.nans);
     for (let pair = 0; pair < this.weights.length; pair++) {
       this.weights[pair] = this.others[pair] / own - this.weights[pair] / (selection.count || 1);
     }

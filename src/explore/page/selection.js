@@ -37,7 +37,7 @@ function stateBrushes(run, view) {
 function select(run, view, useBrushes, buffer) {
   const brushes = useBrushes ? stateBrushes(run, view) : [];
   const admitted = admittedEpisodes(run, view, useBrushes);
-  const result = { list: buffer, count: 0, episodes: 0, terminated: 0, returns: 0, ofAgent: new Uint32Array(run.agents) };
+  const result = { list: buffer, count: 0, episodes: 0, terminated: 0, returns: 0, nanReturns: 0, ofAgent: new Uint32Array(run.agents) };
   for (let e = 0; brushes && e < admitted.length; e++) {
     if (!admitted[e]) continue;
     const before = result.count;
@@ -45,7 +45,8 @@ function select(run, view, useBrushes, buffer) {
     if (result.count === before) continue;
     result.episodes++;
     result.terminated += run.episodes.terminated[e];
-    result.returns += run.episodes.return[e];
+    if (Number.isNaN(run.episodes.return[e])) result.nanReturns++;
+    else result.returns += run.episodes.return[e];
     result.ofAgent[run.episodes.agent[e]] += result.count - before;
   }
   return result;
@@ -87,10 +88,12 @@ function countPairs(run, first, second, { list, count }, counts) {
   }
 }
 
-/** Number of selected states per pair of bins, and the sum of one number per episode over them. */
-function sumPairs(run, first, second, { list, count }, numbers, counts, sums) {
+/** Number of selected states per pair of bins, and the sum of one number per episode over them. Sums leave NaN
+    out, whose states are counted in `nans`. */
+function sumPairs(run, first, second, { list, count }, numbers, counts, sums, nans) {
   counts.fill(0);
   sums.fill(0);
+  nans.fill(0);
   const one = run.bins[first];
   const other = run.bins[second];
   if (!one || !other) return;
@@ -102,7 +105,9 @@ function sumPairs(run, first, second, { list, count }, numbers, counts, sums) {
     if (row === NO_BIN || column === NO_BIN) continue;
     const pair = row * BINS + column;
     counts[pair]++;
-    sums[pair] += numbers[episodeOf[i]];
+    const number = numbers[episodeOf[i]];
+    if (Number.isNaN(number)) nans[pair]++;
+    else sums[pair] += number;
   }
 }
 

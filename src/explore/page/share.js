@@ -71,17 +71,29 @@ class SvgPen {
 
   text(text, x, y, color, size, align, _maxWidth, angle = 0) {
     const anchor = { left: "start", center: "middle", right: "end" }[align];
-    const escaped = text.replace(/[&<>]/g, (character) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[character]);
+    const escaped = xmlText(text);
     this.elements.push(
       `<text transform="translate(${x} ${y}) rotate(${angle})" font-family="sans-serif" font-size="${size}" fill="rgb(${color})" stroke="rgb(${this.page})" stroke-opacity=".8" stroke-width="3" stroke-linejoin="round" paint-order="stroke" text-anchor="${anchor}">${escaped}</text>`,
     );
   }
 }
 
+/** A text in XML, without characters that XML does not allow. */
+function xmlText(text) {
+  const allowed = text.replace(/[^\P{C}\p{Cf}\p{Co}]/gu, "");
+  return allowed.replace(/[&<>]/g, (character) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[character]);
+}
+
+/** Name of an axis in the address: those after the first of a name have a number. */
+function addressName(axes, a) {
+  const before = axes.slice(0, a).filter((axis) => axis.name === axes[a].name).length;
+  return encodeURIComponent(axes[a].name) + (before ? `;${before}` : "");
+}
+
 /** The view after `#` in the address: names of axes are encoded, so that they may contain any character. */
 function toHash(app) {
   const { view, axes } = app;
-  const name = (a) => encodeURIComponent(axes[a].name);
+  const name = (a) => addressName(axes, a);
   const parts = [];
   const brushes = view.brushes.flatMap((brush, a) => (brush ? [`${name(a)}:${rangeTexts(axes[a], brush).join(":")}`] : []));
   if (brushes.length) parts.push(`brush=${brushes.join(",")}`);
@@ -93,17 +105,26 @@ function toHash(app) {
   return parts.join("&");
 }
 
-/** Both ends of a brush as texts: the shortest numbers that read back as the same brush, empty at an end of the axis. */
+/** Both ends of a brush as texts, empty at an end of the axis: the shortest numbers between which the same values are. */
 function rangeTexts(axis, brush) {
   return brushValues(axis, brush).map((value, end) => {
     if (!Number.isFinite(value)) return "";
-    const isSame = (number) => (brushOf(axis, ...(end ? [-Infinity, number] : [number, Infinity])) ?? [])[end] === brush[end];
-    for (let digits = 3; digits < 17; digits++) {
+    const inner = end ? valueAtMost : valueAtLeast;
+    for (let digits = 1; digits < 17; digits++) {
       const number = Number(value.toPrecision(digits));
-      if (isSame(number)) return String(number);
+      if (inner(axis, number) === value) return String(number);
     }
     return String(value);
   });
+}
+
+/** Whether two encoded names are equal. */
+function sameName(one, other) {
+  try {
+    return decodeURIComponent(one) === decodeURIComponent(other);
+  } catch {
+    return false;
+  }
 }
 
 /** Changes the view to that of a hash. What cannot be read is ignored. */
@@ -111,7 +132,7 @@ function fromHash(app, hash) {
   const { view, axes } = app;
   const parameters = new URLSearchParams(hash.replace(/\+/g, "%2B"));
   const raw = new Map(hash.split("&").map((part) => [part.split("=")[0], part.slice(part.indexOf("=") + 1)]));
-  const axisNamed = (text) => axes.findIndex((axis) => axis.name === decodeURIComponent(text));
+  const axisNamed = (text) => axes.findIndex((_, a) => sameName(text, addressName(axes, a)));
   view.brushes = axes.map(() => null);
   view.order = [];
   for (const part of (raw.get("brush") ?? "").split(",").filter(Boolean)) {
@@ -133,8 +154,12 @@ function fromHash(app, hash) {
   view.axes = shown.length > 1 ? shown : app.shownAxes();
 }
 
-/** A word of a POSIX shell. */
+/** A word of a shell; with control characters, one of bash and zsh. */
 function shellWord(word) {
+  if (/\p{Cc}/u.test(word)) {
+    const hex = (character) => `\\u${character.charCodeAt(0).toString(16).padStart(4, "0")}`;
+    return `$'${word.replace(/[\\']/g, "\\$&").replace(/\p{Cc}/gu, hex)}'`;
+  }
   return /^[\w./:=,@%+-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`;
 }
 

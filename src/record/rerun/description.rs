@@ -10,6 +10,7 @@ use super::error::RecordingError;
 use super::rows::static_chunk;
 use crate::record::RecordingSettings;
 use crate::record::RunInfo;
+use crate::text::markdown_cell;
 use seedbed_env::{Choice, Quantity, TaskSpec};
 
 /// The recording's name, its properties, `/how_to_read` and `/scenario`.
@@ -76,9 +77,9 @@ fn page(info: &RunInfo<'_>, properties: &[(String, String)]) -> String {
     let description = &spec.description;
     let rows: Vec<String> = properties
         .iter()
-        .map(|(name, value)| format!("| {name} | {value} |\n"))
+        .map(|(name, value)| format!("| {} | {} |\n", markdown_cell(name), markdown_cell(value)))
         .collect();
-    let properties = rows.concat();
+    let (name, properties) = (markdown_cell(name), rows.concat());
     let (observation_rows, action_rows) = (observation_rows(spec), action_rows(spec));
     format!(
         "# {name}\n\n{description}\n\n\
@@ -144,5 +145,6 @@ fn range_text(quantity: &Quantity) -> String {
 }
 
 fn quantity_row(quantity: &Quantity, range: &str) -> String {
-    format!("| {} | {range} | {} |\n", quantity.name, quantity.unit)
+    let [name, unit] = [&quantity.name, &quantity.unit].map(|text| markdown_cell(text));
+    format!("| {name} | {range} | {unit} |\n")
 }

@@ -42,6 +42,12 @@ impl AddAssign for Unplaced {
 }
 
 impl Unplaced<f64> {
+    /// Below, above and NaN.
+    #[must_use]
+    pub fn to_array(self) -> [f64; 3] {
+        [self.below, self.above, self.nan]
+    }
+
     /// Adds shares of a part that has this weight.
     pub fn add_weighted(&mut self, part: &Self, weight: f64) {
         self.below += weight * part.below;

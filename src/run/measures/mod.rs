@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use self::diversity::Diversity;
 use self::first_visits::FirstVisits;
 use self::recent::RecentVisits;
-use self::visitation::{StateBins, Visitation};
+use self::visitation::{StateBins, Visitation, without_rounding_error};
 use crate::record::{EpisodeRow, RoundRow};
 use crate::scenario::Threshold;
 use seedbed_env::TaskSpec;
@@ -194,16 +194,11 @@ impl Measures {
     #[must_use]
     pub fn visit_statistics(&self) -> VisitStatistics {
         let entropy: Vec<f64> = self.visitation.iter().map(Visitation::entropy).collect();
-        let evenness = self
-            .visitation
-            .iter()
-            .zip(&entropy)
-            .map(|(own, entropy)| entropy / own.max_entropy());
         VisitStatistics {
-            evenness: evenness.collect(),
+            evenness: self.visitation.iter().map(Visitation::evenness).collect(),
             team_coverage: self.team_coverage(),
             diversity: visitation::diversity(&self.visitation, &entropy),
-            entropy,
+            entropy: entropy.into_iter().map(without_rounding_error).collect(),
         }
     }
 

@@ -12,6 +12,9 @@ const CELLS_PER_AXIS: usize = 20;
 /// have one cell per observation instead.
 const MAX_GRID_OBSERVATIONS: usize = 30;
 
+/// The bin of NaN, which is in no cell.
+const NO_BIN: u16 = u16::MAX;
+
 /// How often each cell of the state space was visited.
 ///
 /// For each pair of observations, a fixed grid of 20 × 20 cells spans their display ranges; values
@@ -90,10 +93,16 @@ impl Visitation {
     }
 
     /// Entropy of the visited states, averaged over grids, in nats, from 0 to
-    /// [`max_entropy`](Self::max_entropy).
+    /// [`max_entropy`](Self::max_entropy), except for rounding: see [`without_rounding_error`].
     #[must_use]
     pub fn entropy(&self) -> f64 {
         self.grids().map(entropy).sum::<f64>() / self.grids().len() as f64
+    }
+
+    /// The entropy as a share of the largest possible one, from 0 to 1 (Pielou's evenness).
+    #[must_use]
+    pub fn evenness(&self) -> f64 {
+        without_rounding_error(self.entropy()) / self.max_entropy()
     }
 
     /// The entropy if all cells were visited equally often: ln 400, or ln 20 for a single
@@ -106,6 +115,13 @@ impl Visitation {
     fn grids(&self) -> std::slice::ChunksExact<'_, u32> {
         self.counts.chunks_exact(self.cells_per_grid)
     }
+}
+
+/// An entropy that is not below 0: that of a single visited cell may be computed as −2.2e-16. Sums of
+/// entropies are made before, so that their bits do not change.
+#[must_use]
+pub fn without_rounding_error(entropy: f64) -> f64 {
+    entropy.max(0.0)
 }
 
 /// The bins of visited states, from which the cells follow in which they count.
@@ -133,7 +149,11 @@ impl StateBins {
             for (value, quantity) in row.iter().zip(quantities) {
                 let [low, high] = quantity.range;
                 let bin = (value - low) / (high - low) * CELLS_PER_AXIS as f32;
-                bins.push(bin.clamp(0.0, CELLS_PER_AXIS as f32 - 1.0) as u16);
+                bins.push(if bin.is_nan() {
+                    NO_BIN
+                } else {
+                    bin.clamp(0.0, CELLS_PER_AXIS as f32 - 1.0) as u16
+                });
             }
         }
         Self {
@@ -142,16 +162,24 @@ impl StateBins {
         }
     }
 
-    /// Calls `visit` with each cell of each state: one in the grid of each pair of observations.
+    /// Calls `visit` with each cell of each state: one in the grid of each pair of observations, except pairs
+    /// in which an observation is NaN.
     pub fn for_each_cell(&self, mut visit: impl FnMut(usize)) {
         if self.width == 1 {
-            return self.bins.iter().for_each(|bin| visit(usize::from(*bin)));
+            let bins = self.bins.iter().filter(|bin| **bin != NO_BIN);
+            return bins.for_each(|bin| visit(usize::from(*bin)));
         }
         for row in self.bins.chunks_exact(self.width.max(1)) {
             let mut grid_start = 0;
             for (index, first) in row.iter().enumerate() {
                 for second in &row[index + 1..] {
-                    visit(grid_start + usize::from(*first) * CELLS_PER_AXIS + usize::from(*second));
+                    if *first != NO_BIN && *second != NO_BIN {
+                        visit(
+                            grid_start
+                                + usize::from(*first) * CELLS_PER_AXIS
+                                + usize::from(*second),
+                        );
+                    }
                     grid_start += CELLS_PER_AXIS * CELLS_PER_AXIS;
                 }
             }
@@ -165,6 +193,7 @@ fn largest_observation(observations: &[f32]) -> Option<u16> {
     let largest = observations
         .iter()
         .enumerate()
+        .filter(|(_, value)| !value.is_nan())
         .max_by(|one, other| one.1.total_cmp(other.1).then(other.0.cmp(&one.0)));
     let (index, _) = largest.filter(|(_, value)| **value != 0.0)?;
     u16::try_from(index).ok()
@@ -282,6 +311,28 @@ mod tests {
             (visitation.coverage() - 5.0 / 1200.0).abs() < 1e-12,
             "a value beyond the range counts in the outermost cell"
         );
+    }
+
+    /// Of three grids, only that of the first and the last axis has a cell of a state that is NaN on the
+    /// second axis.
+    #[test]
+    fn nan_is_in_no_cell() {
+        let visitation = visited(3, &[0.5, f32::NAN, 2.5]);
+        assert!((visitation.coverage() - 1.0 / 1200.0).abs() < 1e-12);
+        assert!((visited(1, &[f32::NAN, 0.5]).coverage() - 1.0 / 20.0).abs() < 1e-12);
+        let mut one_hot = vec![0.0; 40];
+        (one_hot[3], one_hot[5]) = (f32::NAN, 1.0);
+        assert!((visited(40, &one_hot).coverage() - 1.0 / 40.0).abs() < 1e-12);
+    }
+
+    /// ln 41 − (41 ln 41) / 41 is −4.4e-16 or 0 in double precision, depending on the count.
+    #[test]
+    fn a_single_visited_cell_has_no_evenness() {
+        for count in 1..2000 {
+            let visitation = visited(2, &[0.5, 0.5].repeat(count));
+            assert!(visitation.evenness() >= 0.0, "{count} visits");
+            assert!(without_rounding_error(visitation.entropy()) >= 0.0);
+        }
     }
 
     #[test]

@@ -41,7 +41,8 @@ impl Condition {
     /// What is wrong and what was expected.
     pub fn parse(text: &str, recording: &RecordedStates) -> Result<Self, String> {
         let form = "expected NAME=LOW..HIGH, such as theta=-0.1..0.2 or theta=0.1..";
-        let (name, range) = text.split_once('=').ok_or(form)?;
+        // A name may have an equals sign, a range has none.
+        let (name, range) = text.rsplit_once('=').ok_or(form)?;
         let (low, high) = range.split_once("..").ok_or(form)?;
         let end = |text: &str, default: f64| match text.trim() {
             "" => Ok(default),

@@ -6,6 +6,7 @@
 //! drawn here.
 
 pub mod condition;
+pub mod distribution;
 pub mod recording_stats;
 pub mod selection;
 

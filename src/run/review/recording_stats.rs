@@ -1,7 +1,10 @@
 //! Statistics of a whole recording, read once: returns, coverage, visitation entropy, overlap, and
 //! the distribution of each observation.
 
+use std::collections::BTreeSet;
+
 use super::LoadedRun;
+use super::distribution::ValueDistribution;
 use super::selection::EpisodeSelection;
 use crate::record::{EpisodeRow, ReadError, RecordedEpisode, RecordedStates};
 use crate::run::measures::diversity::Diversity;
@@ -23,31 +26,13 @@ pub struct RecordingStats {
     rounds_are_shared: bool,
     /// Distribution of each observation's values: `[observations]`.
     pub distributions: Vec<ValueDistribution>,
+    /// Distribution of each action's values: `[components of an action]`.
+    pub actions: Vec<ValueDistribution>,
+    /// Distribution of rewards.
+    pub rewards: ValueDistribution,
     /// Distribution of intrinsic rewards; `None` without a bonus.
     pub intrinsic_rewards: Option<ValueDistribution>,
 }
-
-/// Distribution of the values of one quantity.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ValueDistribution {
-    /// Name, unit and display range of the quantity.
-    pub quantity: Quantity,
-    /// Smallest value.
-    pub min: f32,
-    /// Largest value.
-    pub max: f32,
-    /// Number of values.
-    pub count: u64,
-    /// Number of values outside the range.
-    pub outside: u64,
-    sum: f64,
-    /// Number of values in each of `BINS` equal bins of the range; values outside the range count
-    /// in the first or last bin.
-    histogram: Vec<u64>,
-}
-
-/// Number of histogram bins: the median is exact to a thousandth of the range.
-const BINS: usize = 1000;
 
 impl RecordingStats {
     /// Reads the selected episodes; calls `on_episode` for each.
@@ -72,6 +57,16 @@ impl RecordingStats {
             latest: LatestVisits::default(),
             rounds_are_shared: recording.state_files().is_none(),
             distributions: observations.iter().map(ValueDistribution::new).collect(),
+            actions: recording
+                .actions()
+                .iter()
+                .map(ValueDistribution::new)
+                .collect(),
+            rewards: ValueDistribution::new(&Quantity {
+                name: "reward".to_owned(),
+                unit: String::new(),
+                range: [f32::NEG_INFINITY, f32::INFINITY],
+            }),
             intrinsic_rewards: intrinsic_reward.as_ref().map(ValueDistribution::new),
         };
         for episode in recording.episodes()? {
@@ -82,8 +77,27 @@ impl RecordingStats {
             on_episode(&episode);
             stats.add_episode(observations, &episode);
         }
+        stats.find_medians(recording)?;
         stats.sort_episodes();
         Ok(stats)
+    }
+
+    /// Reads the episodes again, for the medians.
+    fn find_medians(&mut self, recording: &RecordedStates) -> Result<(), ReadError> {
+        let rows = self.episodes.iter();
+        let read: BTreeSet<(u32, u32)> = rows.map(|row| (row.agent, row.episode)).collect();
+        let of_rewards = std::iter::once(&mut self.rewards).chain(&mut self.intrinsic_rewards);
+        let of_task = self.distributions.iter_mut().chain(&mut self.actions);
+        of_task
+            .chain(of_rewards)
+            .for_each(ValueDistribution::find_middle);
+        for episode in recording.episodes()? {
+            let episode = episode?;
+            if read.contains(&(episode.agent, episode.episode)) {
+                self.for_each_value(&episode, ValueDistribution::add_again);
+            }
+        }
+        Ok(())
     }
 
     fn add_episode(&mut self, observations: &[Quantity], episode: &RecordedEpisode) {
@@ -101,18 +115,7 @@ impl RecordingStats {
         self.first_rounds
             .add(agent, round, &states, visitation.cell_count());
         self.latest.add(agent, round, states);
-        for state in episode.states() {
-            self.distributions
-                .iter_mut()
-                .zip(state)
-                .for_each(|(distribution, &value)| distribution.add(value));
-        }
-        if let Some(distribution) = &mut self.intrinsic_rewards {
-            episode
-                .intrinsic_rewards
-                .iter()
-                .for_each(|&value| distribution.add(value));
-        }
+        self.for_each_value(episode, ValueDistribution::add);
         self.episodes.push(EpisodeRow {
             agent: episode.agent,
             episode: episode.episode,
@@ -128,6 +131,26 @@ impl RecordingStats {
             team_overlap: f64::NAN,
             effective_agents: f64::NAN,
         });
+    }
+
+    /// Adds each value of an episode to its distribution.
+    fn for_each_value(&mut self, episode: &RecordedEpisode, add: fn(&mut ValueDistribution, f32)) {
+        let [of_reward, of_bonus] = [
+            std::slice::from_mut(&mut self.rewards),
+            self.intrinsic_rewards.as_mut_slice(),
+        ];
+        for (distributions, rows) in [
+            (&mut self.distributions[..], &episode.observations),
+            (&mut self.actions[..], &episode.actions),
+            (of_reward, &episode.rewards),
+            (of_bonus, &episode.intrinsic_rewards),
+        ] {
+            for row in rows.chunks_exact(distributions.len().max(1)) {
+                for (distribution, &value) in distributions.iter_mut().zip(row) {
+                    add(distribution, value);
+                }
+            }
+        }
     }
 
     /// Sorts the rows of episodes as in `episodes.csv`, and sets their `env_steps`. A recording
@@ -208,82 +231,5 @@ impl LoadedRun {
             self.episodes.clone_from(&stats.episodes);
         }
         Ok(Some(stats))
-    }
-}
-
-impl ValueDistribution {
-    fn new(quantity: &Quantity) -> Self {
-        Self {
-            quantity: quantity.clone(),
-            min: f32::INFINITY,
-            max: f32::NEG_INFINITY,
-            count: 0,
-            outside: 0,
-            sum: 0.0,
-            histogram: vec![0; BINS],
-        }
-    }
-
-    fn add(&mut self, value: f32) {
-        let [low, high] = self.quantity.range;
-        self.min = self.min.min(value);
-        self.max = self.max.max(value);
-        self.count += 1;
-        self.sum += f64::from(value);
-        self.outside += u64::from(value < low || value > high);
-        let bin = (value - low) / (high - low) * BINS as f32;
-        self.histogram[bin.clamp(0.0, BINS as f32 - 1.0) as usize] += 1;
-    }
-
-    /// Mean; `None` without values.
-    #[must_use]
-    pub fn mean(&self) -> Option<f64> {
-        (self.count > 0).then(|| self.sum / self.count as f64)
-    }
-
-    /// Median, exact to a thousandth of the range. A median outside the range is reported at the
-    /// range's end.
-    #[must_use]
-    pub fn median(&self) -> Option<f32> {
-        let mut below = 0;
-        let bin = self.histogram.iter().position(|count| {
-            below += count;
-            2 * below >= self.count && below > 0
-        })?;
-        let [low, high] = self.quantity.range;
-        Some(low + (high - low) * (bin as f32 + 0.5) / BINS as f32)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn min_max_mean_and_median_are_those_of_the_values() {
-        let mut distribution = ValueDistribution::new(&Quantity {
-            name: "x".to_owned(),
-            unit: String::new(),
-            range: [0.0, 1000.0],
-        });
-        assert_eq!((distribution.mean(), distribution.median()), (None, None));
-        for value in [-5.0, 10.2, 20.2, 30.2, 1200.0] {
-            distribution.add(value);
-        }
-        assert_eq!(
-            (
-                distribution.min,
-                distribution.max,
-                distribution.count,
-                distribution.outside
-            ),
-            (-5.0, 1200.0, 5, 2)
-        );
-        assert!(
-            (distribution.median().unwrap() - 20.5).abs() < 1e-3,
-            "the bin from 20 to 21: {:?}",
-            distribution.median()
-        );
-        assert!((distribution.mean().unwrap() - 1255.6 / 5.0).abs() < 1e-4);
     }
 }

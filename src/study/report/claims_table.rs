@@ -16,19 +16,24 @@ pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> Stri
     text += &format!("\n{CLAIMS_NOTE}\n");
     if let Some(exploration) = &results.study.exploration {
         for gate in gates(results) {
-            text += &format!("\n{}\n", gate.sentence(*exploration.measure));
+            text += &paragraph(&gate.sentence(*exploration.measure));
         }
     }
     if let (Some(lock), Some(audit)) = (&results.manifest.lock, &results.audit) {
         text += &format!("\nRegistered before the runs: lock `{}`.\n", lock.id);
         for sentence in audit.broken.iter().chain(&audit.notes) {
-            text += &format!("\n{sentence}\n");
+            text += &paragraph(sentence);
         }
     }
     if let Some(sentence) = results.manifest.changed_repeats_sentence() {
-        text += &format!("\n{sentence}\n");
+        text += &paragraph(&sentence);
     }
     text
+}
+
+/// A paragraph of a sentence that may have names in it.
+fn paragraph(sentence: &str) -> String {
+    format!("\n{}\n", markdown_cell(sentence))
 }
 
 /// Explanation of intervals and p-values below the table.

@@ -34,14 +34,24 @@ fn write_tables(
     let tables = tables::all(results);
     let text = tables::markdown(results, &tables);
     files::replace(&folder.join("tables.md"), text.as_bytes())?;
-    if !claim_results.is_empty() {
+    if claim_results.is_empty() {
+        remove_earlier(&folder.join("claims.md"))?;
+    } else {
         let text = claims_table::markdown(results, claim_results);
         files::replace(&folder.join("claims.md"), text.as_bytes())?;
     }
     Ok(tables)
 }
 
-/// Deletes figures and `claims.md` of an earlier report, because the new report may not have them.
+/// Removes a file of an earlier report, if there is one.
+fn remove_earlier(path: &Path) -> io::Result<()> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// Deletes figures of an earlier report, because the new report may not have them.
 fn delete_outdated_files(folder: &Path) -> io::Result<()> {
     if let Ok(entries) = std::fs::read_dir(folder.join("figures")) {
         for entry in entries.flatten() {
@@ -50,10 +60,7 @@ fn delete_outdated_files(folder: &Path) -> io::Result<()> {
             }
         }
     }
-    match std::fs::remove_file(folder.join("claims.md")) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-        _ => Ok(()),
-    }
+    Ok(())
 }
 
 /// Whether a file is a figure of a report, such as `3-curves.svg`.

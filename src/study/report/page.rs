@@ -6,6 +6,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::Table;
 use super::{ReportFigure, format, states};
+use crate::record::difference_of_quantities;
 use crate::study::claims::ClaimResult;
 use crate::study::comparison::Comparison;
 use crate::study::cost::cells_without_policy_gradient;
@@ -16,7 +17,7 @@ use crate::study::measure::Measure;
 use crate::study::provenance;
 use crate::study::registration::{Audit, Lock};
 use crate::study::results::{CellResults, Results};
-use crate::text::{pluralize, shell_word};
+use crate::text::{html_page, pluralize, shell_word};
 use seedbed_stats::{MIN_RUNS, Verdict};
 
 /// Minimum number of runs per cell for a report without the warning about narrow intervals.
@@ -65,7 +66,7 @@ pub(super) fn html(
             }
         }
     };
-    page.into_string()
+    html_page(page)
 }
 
 /// Numbers of cells and finished runs, and the run seeds.
@@ -117,6 +118,9 @@ fn warnings(results: &Results) -> Markup {
         }
         @for sentence in unequal_thresholds(results) {
             (warning("Unequal thresholds.", &sentence))
+        }
+        @if let Some(sentence) = unequal_ranges(results) {
+            (warning("Unequal display ranges.", &sentence))
         }
         @if results.is_tuning() {
             (warning("Tuning seeds.", &format!(
@@ -188,6 +192,42 @@ fn unequal_thresholds(results: &Results) -> Vec<String> {
         }
     }
     sentences
+}
+
+/// Sentence about the first two cells with the same observations, but other display ranges, if the study has a
+/// measure of visits, which counts cells of these ranges.
+fn unequal_ranges(results: &Results) -> Option<String> {
+    let is_of_visits = |measure: &Measure| {
+        measure
+            .curve()
+            .is_some_and(|curve| curve.metric().is_of_visits())
+    };
+    if !results.measures().iter().any(is_of_visits) {
+        return None;
+    }
+    for (index, cell) in results.cells.iter().enumerate() {
+        let observations = cell.observations();
+        for other in &results.cells[index + 1..] {
+            let of_other = other.observations();
+            if difference_of_quantities(&observations, &of_other).is_some() {
+                continue;
+            }
+            let mut pairs = observations.iter().zip(&of_other);
+            let Some((one, two)) = pairs.find(|(one, two)| one.range != two.range) else {
+                continue;
+            };
+            let [range, other_range] = [one, two].map(|quantity| {
+                let [low, high] = quantity.range.map(|end| format::number(f64::from(end)));
+                format!("{low} to {high}")
+            });
+            return Some(format!(
+                "`{}` is shown from {range} in cell `{}` and from {other_range} in cell `{}`: measures of visits, such as coverage, \
+                 are shares of other parts of the state space, and cannot be compared.",
+                one.name, cell.description.name, other.description.name
+            ));
+        }
+    }
+    None
 }
 
 fn warning(title: &str, text: &str) -> Markup {
@@ -719,6 +759,21 @@ mod tests {
         for text in texts {
             assert!(!text.contains("  "), "{text:?}");
         }
+    }
+
+    #[test]
+    fn other_display_ranges_are_a_warning_for_measures_of_visits() {
+        let mut results = results_with_every_warning();
+        for (cell, end) in results.cells.iter_mut().zip([1.0, 10.0]) {
+            let observation = ("x".to_owned(), "m".to_owned(), [-end, end]);
+            cell.description.observations = vec![observation];
+        }
+        assert_eq!(unequal_ranges(&results), None, "returns can be compared");
+        let study = STUDY.replace("FinalReturn()],", "FinalReturn(), Coverage],");
+        results.study = input::parse("small.ron", study).unwrap().value;
+        let sentence = unequal_ranges(&results).unwrap();
+        let expected = "`x` is shown from −1 to 1 in cell `A` and from −10 to 10 in cell `B`";
+        assert!(sentence.starts_with(expected), "{sentence}");
     }
 
     #[test]

@@ -141,6 +141,7 @@ fn color(number: usize) -> [u8; 3] {
 const COLOR_INDICES: [u32; 8] = [4, 5, 2, 6, 0, 1, 7, 3];
 
 fn curves(cells: &[&CellResults], of: Curve, window: usize) -> UnnumberedFigure {
+    let window = if of.metric().is_cumulative { 1 } else { window };
     let series: Vec<Series> = cells
         .par_iter()
         .enumerate()
@@ -442,11 +443,72 @@ fn capitalized(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::run_result::RunResult;
+    use crate::study::store::ManifestCell;
 
     fn constant_series(height: f64) -> Series {
         Series {
             points: vec![[0.0, 2.0], [1.0, height], [2.0, height]],
             ..Series::default()
+        }
+    }
+
+    /// One run with the values 0.1, 0.2 and 0.6 of a curve after 10, 20 and 30 episodes.
+    fn cell_with(curve: Curve) -> CellResults {
+        let curves = Curve::WITH_ROUND_VALUES.iter().map(|other| {
+            let values = if *other == curve {
+                &[0.1, 0.2, 0.6][..]
+            } else {
+                &[]
+            };
+            values.to_vec()
+        });
+        let run = RunResult {
+            episodes: vec![10, 20, 30],
+            curves: curves.collect(),
+            ..RunResult::default()
+        };
+        let mut cell = CellResults::without_runs(ManifestCell {
+            name: "cell".to_owned(),
+            digest: String::new(),
+            scenario: String::new(),
+            overrides: Vec::new(),
+            agents: 1,
+            max_episodes: 30,
+            task: String::new(),
+            observations: Vec::new(),
+            external: None,
+        });
+        cell.runs = vec![(0, run)];
+        cell
+    }
+
+    /// A curve of what was measured in each round is averaged; one of everything so far has its own values,
+    /// because an average would be of an earlier time.
+    #[test]
+    fn cumulative_curves_are_not_averaged() {
+        for (curve, last, is_averaged) in [
+            (Curve::TeamCoverage, 0.6, false),
+            (Curve::Coverage, 0.6, false),
+            (Curve::EffectiveAgents, 0.6, false),
+            (Curve::FirstCoverage, 0.6, false),
+            (Curve::VisitationEntropy, 0.6, false),
+            (Curve::NewCoverage, 0.3, true),
+            (Curve::ValueLoss, 0.3, true),
+        ] {
+            let cell = cell_with(curve);
+            let figure = curves(&[&cell], curve, 25);
+            let Panel::Curves(panel) = &figure.picture.rows[0].panels[0] else {
+                panic!("{curve:?} has curves");
+            };
+            let [_, _, [episodes, value]] = panel.series[0].points[..] else {
+                panic!("{curve:?} has three points");
+            };
+            assert!(
+                episodes == 30.0 && (value - last).abs() < 1e-6,
+                "{curve:?}: {value}"
+            );
+            assert_eq!(figure.caption.contains("moving average"), is_averaged);
         }
     }
 

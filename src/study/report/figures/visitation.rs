@@ -124,7 +124,7 @@ impl CellDensity {
                 .all()
                 .iter()
                 .zip(&self.unplaced)
-                .map(|(axis, unplaced)| axis_with_shares(&axis.quantity, unplaced))
+                .map(|(axis, unplaced)| axis_with_shares(&axis.quantity, unplaced.to_array()))
                 .collect(),
             states,
         })
@@ -307,6 +307,7 @@ fn axes_of_cells(cells: &[&CellResults]) -> Vec<Axes> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::store::ManifestCell;
 
     fn cell(name: usize, time_limit: u32) -> CellDensity {
         let axes = Axes::of_quantities(&[], time_limit, BonusRange::None);
@@ -346,6 +347,37 @@ mod tests {
                 ["3 − 0", "4 − 0", ""]
             ]
         );
+    }
+
+    fn cell_of_task(name: &str, unit: &str, range: [f32; 2]) -> CellResults {
+        CellResults::without_runs(ManifestCell {
+            name: name.to_owned(),
+            digest: String::new(),
+            scenario: String::new(),
+            overrides: Vec::new(),
+            agents: 1,
+            max_episodes: 1,
+            task: String::new(),
+            observations: vec![(name.to_owned(), unit.to_owned(), range)],
+            external: None,
+        })
+    }
+
+    /// Two tasks have the same observation with ranges of ±1 and −10 to 2, of which −10 to 2 contains both.
+    /// Others have another name or unit, so that they have axes of their own.
+    #[test]
+    fn cells_with_the_same_observations_have_common_axes() {
+        let cells = [
+            cell_of_task("x", "m", [-1.0, 1.0]),
+            cell_of_task("y", "m", [-1.0, 1.0]),
+            cell_of_task("x", "m", [-10.0, 2.0]),
+            cell_of_task("x", "cm", [-3.0, 3.0]),
+        ];
+        let axes = axes_of_cells(&cells.iter().collect::<Vec<_>>());
+        assert_eq!(axes[0], axes[2]);
+        let ranges = axes.iter().map(|axes| axes.all()[1].quantity.range);
+        let expected = [[-10.0, 2.0], [-1.0, 1.0], [-10.0, 2.0], [-3.0, 3.0]];
+        assert_eq!(ranges.collect::<Vec<_>>(), expected);
     }
 
     #[test]
