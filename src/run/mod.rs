@@ -9,6 +9,7 @@
 //! run may be divided; `shared_episodes` and `remote_steps` are what they exchange. Must not contain
 //! formulas of learning.
 
+mod active_run;
 mod agreement;
 mod asynchronous;
 pub mod checkpoint;
@@ -40,9 +41,9 @@ pub mod weights;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 
-use self::checkpoint::{Checkpoint, CheckpointError, CheckpointWriter, SavedTrainer};
+use self::active_run::{ActiveRun, AfterRound};
+use self::checkpoint::{Checkpoint, CheckpointError, CheckpointWriter};
 use self::checkpoint_schedule::CheckpointSchedule;
 use self::checksums::{Checksums, DamagedFile, NewChecksums};
 use self::folder::RunFolder;
@@ -51,7 +52,6 @@ use self::round_recorder::{CheckpointKind, Recorders, RoundRecorder};
 use self::stopping::RoundDurations;
 use self::summary::{FINAL_WINDOW, Summary};
 use self::trainer::{Diverged, Trainer};
-use serde::{Deserialize, Serialize};
 
 use crate::input_files;
 use crate::record::{Focus, RecordError, RecorderFactory, RunInfo};
@@ -297,128 +297,35 @@ fn lead(
     let Some(begun) = cancellation.run(begin) else {
         return Ok(RunOutcome::Interrupted { rounds: 0 });
     };
-    let (mut trainer, recorders, mut checkpoints) = options.ranks.agree(begun)?;
-    let mut recorder = RoundRecorder::new(recorders, trainer.agent_count(), options.threads);
-    let mut checkpoint_schedule = CheckpointSchedule::of(&plan.scenario);
-    let mut durations = RoundDurations::new();
-    let task_file = options.folder.task_file(&plan.description.spec().name);
-    let located = |diverged: Diverged| {
-        diverged
-            .located_in(&task_file, &plan.environment_text)
-            .into()
+    let (trainer, recorders, checkpoints) = options.ranks.agree(begun)?;
+    let mut run = ActiveRun {
+        plan,
+        options,
+        recorder: RoundRecorder::new(recorders, trainer.agent_count(), options.threads),
+        trainer,
+        checkpoints,
+        schedule: CheckpointSchedule::of(&plan.scenario),
+        durations: RoundDurations::new(),
     };
-    observer.begun(&progress(plan, &trainer));
-    while !trainer.is_done() {
-        let (before, start) = (trainer.rounds(), Instant::now());
-        let saved = if durations.may_be_long() && options.ranks.is_single() {
-            Some(checkpoints.save(&trainer)?)
-        } else {
-            None
-        };
-        let Some(advanced) = cancellation.run(|| trainer.advance()) else {
-            let rounds = keep_round_before(saved, before, &mut checkpoints, &mut recorder)?;
+    observer.begun(&progress(plan, &run.trainer));
+    while !run.trainer.is_done() {
+        let Some(round) = run.play_round(cancellation)? else {
+            let rounds = run.checkpoints.newest_rounds();
             return Ok(RunOutcome::Interrupted { rounds });
         };
-        let round = match advanced {
-            Ok(round) => round,
-            Err(diverged) if options.ranks.is_single() => {
-                drop(trainer);
-                let kept = keep_rounds(
-                    plan,
-                    options,
-                    before,
-                    saved,
-                    &mut checkpoints,
-                    &mut recorder,
-                );
-                return Err(kept.err().unwrap_or_else(|| located(diverged)));
-            }
-            Err(diverged) => return Err(located(diverged)),
-        };
-        durations.ended(start);
-        recorder.record(trainer.rounds() - 1, &trainer.newest_episodes(), round)?;
-        report_warnings(&mut recorder, observer);
-        observer.round_finished(&progress(plan, &trainer));
-        let is_interrupted = any_interrupted(options, interrupted) && !trainer.is_done();
-        let is_due = checkpoint_schedule.is_due(trainer.rounds(), Instant::now());
-        let AfterRound {
-            is_saved,
-            is_interrupted,
-        } = options.ranks.broadcast(AfterRound {
-            is_saved: is_interrupted || is_due,
-            is_interrupted,
-        });
-        if is_saved {
-            let start = Instant::now();
-            let kind = if is_interrupted {
-                CheckpointKind::AtEnd
-            } else {
-                CheckpointKind::Meanwhile
-            };
-            write_checkpoint(&mut checkpoints, &trainer, &mut recorder, kind)?;
-            checkpoint_schedule.written(start);
-        }
-        if is_interrupted {
-            return Ok(RunOutcome::Interrupted {
-                rounds: trainer.rounds(),
-            });
+        let rounds = run.trainer.rounds();
+        let episodes = run.trainer.newest_episodes();
+        run.recorder.record(rounds - 1, &episodes, round)?;
+        report_warnings(&mut run.recorder, observer);
+        observer.round_finished(&progress(plan, &run.trainer));
+        if run.checkpoint_if_due(interrupted)? {
+            return Ok(RunOutcome::Interrupted { rounds });
         }
     }
-    let checkpoint = write_checkpoint(
-        &mut checkpoints,
-        &trainer,
-        &mut recorder,
-        CheckpointKind::AtEnd,
-    );
-    let ending = checkpoint.and_then(|()| finish(plan, options, &trainer, &mut recorder));
-    report_warnings(&mut recorder, observer);
+    let checkpoint = run.write_checkpoint(CheckpointKind::AtEnd);
+    let ending = checkpoint.and_then(|()| finish(plan, options, &run.trainer, &mut run.recorder));
+    report_warnings(&mut run.recorder, observer);
     ending
-}
-
-/// Writes the checkpoint of the state before a round that is abandoned, if it was saved. Returns the
-/// number of rounds in the newest checkpoint.
-fn keep_round_before(
-    saved: Option<SavedTrainer>,
-    rounds: u32,
-    checkpoints: &mut CheckpointWriter,
-    recorder: &mut RoundRecorder,
-) -> Result<u32, RunError> {
-    let Some(saved) = saved else {
-        return Ok(checkpoints.newest_rounds());
-    };
-    checkpoints.commit(saved, recorder.checkpoint(CheckpointKind::AtEnd)?)?;
-    Ok(rounds)
-}
-
-/// Writes the checkpoint of the state before a round that failed. If it was not saved, the rounds since
-/// the newest checkpoint are repeated, which gives the same bits.
-fn keep_rounds(
-    plan: &Plan,
-    options: &Options,
-    rounds: u32,
-    saved: Option<SavedTrainer>,
-    checkpoints: &mut CheckpointWriter,
-    recorder: &mut RoundRecorder,
-) -> Result<(), RunError> {
-    if saved.is_some() || checkpoints.newest_rounds() == rounds {
-        return keep_round_before(saved, rounds, checkpoints, recorder).map(drop);
-    }
-    let mut trainer = build_trainer(plan, options)?;
-    if checkpoints.newest_rounds() > 0 {
-        let folder = options.folder.path();
-        *checkpoints = Checkpoint::read(folder)?.restore(folder, &mut trainer)?;
-    }
-    while trainer.rounds() < rounds {
-        trainer.advance()?;
-    }
-    write_checkpoint(checkpoints, &trainer, recorder, CheckpointKind::AtEnd)
-}
-
-/// What rank 0 decides after a round.
-#[derive(Clone, Copy, Default, Serialize, Deserialize)]
-struct AfterRound {
-    is_saved: bool,
-    is_interrupted: bool,
 }
 
 /// Plays and learns for the agents of a rank that does not record.
@@ -639,16 +546,6 @@ fn with_run_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>)
         scenario: &scenario,
         properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],
     })
-}
-
-fn write_checkpoint(
-    checkpoints: &mut CheckpointWriter,
-    trainer: &Trainer,
-    recorder: &mut RoundRecorder,
-    kind: CheckpointKind,
-) -> Result<(), RunError> {
-    let states = recorder.checkpoint(kind)?;
-    Ok(checkpoints.write(trainer, states)?)
 }
 
 /// Completes the files of a finished run, whose checkpoint has been written. The summary is written

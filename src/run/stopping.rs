@@ -13,6 +13,9 @@ use seedbed_learn::cancellation::Cancellation;
 /// Time that a round has to end after an interruption.
 pub(crate) const GRACE: Duration = Duration::from_secs(1);
 
+/// Time in which short rounds are repeated after an interruption, to go back to the last of them.
+pub(crate) const MAX_REPETITION: Duration = Duration::from_secs(5);
+
 /// Time between two looks at the flag of an interruption.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 

@@ -221,7 +221,7 @@ impl Form {
         }
         let environment = self.environment.replace("HOME", home.to_str().unwrap());
         let scenario = format!(
-            "Scenario(environment: {environment:?}, agents: (count: 2), stop: Episodes(3), recording: (scene: Some((agents: [0]))))"
+            "Scenario(environment: {environment:?}, agents: (count: 2), stop: Episodes(3))"
         );
         let run = folder.path().join("run");
         let out = run.to_str().unwrap();

@@ -74,7 +74,7 @@ const LONG_ROUNDS: [(&str, &[&str]); 6] = [
         &[
             "agents.count=1",
             "algorithm.epochs=10000",
-            "algorithm.hidden=[4096, 4096]",
+            "algorithm.hidden=[1000, 1000]",
         ],
     ),
     ("cartpole", &["environment=LONG", "agents.count=2"]),
@@ -82,7 +82,7 @@ const LONG_ROUNDS: [(&str, &[&str]); 6] = [
         "mountain_car_seed_psrl",
         &["algorithm.candidates=10000", "algorithm.iterations=1000"],
     ),
-    ("corridors_vime", &["algorithm.bonus.minibatches=1000000"]),
+    ("corridors_vime", &["algorithm.bonus.minibatches=100000"]),
     (
         "cartpole_q",
         &[
@@ -124,7 +124,7 @@ fn runs_with_long_rounds_obey_signals() {
             let output = child.wait_with_output().unwrap();
             let errors = stderr(&output);
             assert_eq!(output.status.code(), Some(143), "{settings:?}: {errors}");
-            let expected = "interrupted after 0 rounds; resume with\n";
+            let expected = "; resume with\n";
             assert!(errors.contains(expected), "{settings:?}: {errors}");
         }
     }
@@ -203,7 +203,9 @@ fn a_tabular_run_and_a_study_with_long_steps_obey_signals() {
         "run",
         "tabular/deep_sea",
         "--set",
-        "task.size=1000",
+        "task.size=50",
+        "--set",
+        "agents.count=1000",
         "--ignore-memory",
         "--out",
     ]);
@@ -221,14 +223,7 @@ fn a_tabular_run_and_a_study_with_long_steps_obey_signals() {
     let text = study_text(3, "").replace(r#""agents.count=2""#, long);
     assert!(text.contains(long), "{text}");
     let (_folder, study, out) = write_study(&text);
-    let mut run = command(&[
-        "study",
-        study.to_str().unwrap(),
-        "--jobs",
-        "2",
-        "--ignore-memory",
-        "--out",
-    ]);
+    let mut run = command(&["study", &study, "--jobs", "2", "--ignore-memory", "--out"]);
     run.arg(&out).stderr(Stdio::piped()).stdout(Stdio::null());
     let child = run.spawn().unwrap();
     wait_until("a run has begun", || {
