@@ -8,7 +8,8 @@
 
 Each peer runs in a virtual environment of its own, which is made at the first use in --environments. For each line the
 workbench and the peer run in turn, each on one thread. The table shows the median of the speeds, and the median, minimum and maximum of
-the ratios of neighbouring runs: larger than 1 is in favor of the workbench. Leave the machine alone meanwhile.
+the ratios of neighbouring runs: larger than 1 is in favor of the workbench. Leave the machine alone meanwhile. A line that
+cannot be measured says `failed`, with the reason on standard error; the others are measured, and the exit status is 1.
 """
 
 import argparse
@@ -26,6 +27,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parents[1]
 PACKAGES = {
+    # The models of these two only; dm_control 1.0.50 loads none of its tasks with this version of MuJoCo.
     "mujoco": ["mujoco==4.0.0", "gymnasium==1.4.0", "dm_control==1.0.50"],
     "gymnasium": ["gymnasium==1.4.0"],
     "jax": ["jax==0.10.2"],
@@ -206,32 +208,51 @@ def main():
     ]
     if not chosen:
         sys.exit("no line has such a name; names: " + "; ".join(line.name for line in lines()))
-    programs = build({line.workbench.target for line in chosen}, arguments.environments)
     print("| Work | workbench, per second | peer, per second | ratio | range |")
     print("|---|---|---|---|---|", flush=True)
+    programs = Programs(arguments.environments)
+    has_failed = False
     for line in chosen:
-        python = environment(arguments.environments, line.environment)
-        pairs = [
-            (
-                line.workbench.speed(programs, arguments.seconds, repetition),
-                peer_speed(python, line, arguments.seconds, repetition),
-            )
-            for repetition in range(arguments.rounds)
-        ]
-        print(row(line, pairs), flush=True)
+        try:
+            print(row(line, measured(line, programs, arguments)), flush=True)
+        except (Failure, OSError, subprocess.CalledProcessError, ValueError) as error:
+            has_failed = True
+            print(f"| {line.name} ({line.unit}) | failed | | | |", flush=True)
+            print(f"{line.name}: {error}", file=sys.stderr)
+    sys.exit(has_failed)
 
 
-def build(targets, environments):
-    """Paths of the built benchmarks, of the program, and of a Python that has our package."""
-    programs = {}
-    if "python" in targets:
-        programs["python"] = python_with_package(environments)
-    if "seedbed" in targets:
-        programs |= executables("build", "--release", "--bin", "seedbed")
-    benches = sorted(targets - {"seedbed", "python"})
-    if benches:
-        programs |= executables("bench", "--no-run", *(argument for name in benches for argument in ("--bench", name)))
-    return programs
+def measured(line, programs, arguments):
+    """Speeds of the workbench and of the peer in each repetition."""
+    python = environment(arguments.environments, line.environment)
+    return [
+        (
+            line.workbench.speed(programs, arguments.seconds, repetition),
+            peer_speed(python, line, arguments.seconds, repetition),
+        )
+        for repetition in range(arguments.rounds)
+    ]
+
+
+class Failure(Exception):
+    """Something cannot be measured."""
+
+
+class Programs(dict):
+    """Paths of the built benchmarks, of the program, and of a Python that has our package, built when they are needed."""
+
+    def __init__(self, environments):
+        super().__init__()
+        self.environments = environments
+
+    def __missing__(self, name):
+        if name == "python":
+            self[name] = python_with_package(self.environments)
+        elif name == "seedbed":
+            self.update(executables("build", "--release", "--bin", "seedbed"))
+        else:
+            self.update(executables("bench", "--no-run", "--bench", name))
+        return self[name]
 
 
 def python_with_package(environments):
@@ -240,8 +261,11 @@ def python_with_package(environments):
     with tempfile.TemporaryDirectory() as folder:
         build_wheel = [python.with_name("maturin"), "build", "--release", "--quiet", "--out", folder]
         subprocess.run(build_wheel, cwd=REPOSITORY / "python", check=True)
-        install = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--force-reinstall", "--no-deps"]
-        subprocess.run([*install, *Path(folder).glob("*.whl")], check=True)
+        install = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        wheels = list(Path(folder).glob("*.whl"))
+        # First what the package needs, as far as it is missing, then the package, even if its version is the same.
+        subprocess.run([*install, *wheels], check=True)
+        subprocess.run([*install, "--force-reinstall", "--no-deps", *wheels], check=True)
     return python
 
 
@@ -272,7 +296,7 @@ def nanoseconds(executable, benchmark, seconds):
     output = subprocess.run(command, cwd=REPOSITORY, check=True, stdout=subprocess.PIPE, text=True).stdout
     found = re.search(r"bench:\s+([\d,]+) ns/iter", output)
     if not found:
-        sys.exit(f"no benchmark `{benchmark}` in {executable}:\n{output}")
+        raise Failure(f"no benchmark `{benchmark}` in {executable}:\n{output}")
     return float(found[1].replace(",", ""))
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import os
-from typing import Any, ClassVar, TypeAlias
+from collections.abc import Mapping, Sequence
+from numbers import Real
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import gymnasium
 import numpy as np
@@ -48,21 +51,80 @@ def rendering(batch: Batch, task: Task, render_mode: str | None) -> dict[str, An
 START_OPTIONS = ("positions", "velocities", "numbers")
 
 
-def given_start(options: dict[str, Any] | None) -> list[dict[str, float]] | None:
-    """The numbers of a start state that `options` gives; None if it gives no option.
+Start: TypeAlias = tuple[dict[str, float], dict[str, float], dict[str, float]]
+"""Numbers of a start state by name, in the order of `START_OPTIONS`."""
+
+
+def given_start(batch: Batch, options: dict[str, Any] | None, *others: str) -> Start | None:
+    """The start state that the options of `reset` give; None if they give none.
+
+    Args:
+        batch: The batch of the task.
+        options: The options.
+        others: Names of other options of `reset`, which are not read here.
 
     Raises:
-        ValueError: There is no such option.
+        TypeError: An option has another type.
+        ValueError: There is no such option, coordinate or number.
     """
-    if not options:
-        return None
-    for name in options:
+    if options is not None and not isinstance(options, Mapping):
+        raise TypeError(f"options is {options!r}, expected a dictionary or None")
+    given = {name: numbers for name, numbers in (options or {}).items() if name not in others}
+    for name, numbers in given.items():
         if name not in START_OPTIONS:
-            raise ValueError(f"unknown option {name!r}, expected one of {', '.join(START_OPTIONS)}")
-    return [dict(options.get(name, {})) for name in START_OPTIONS]
+            raise ValueError(f"unknown option {name!r}, expected one of {', '.join([*START_OPTIONS, *others])}")
+        _check_numbers(name, numbers)
+    if not given:
+        return None
+    positions, velocities, numbers = (dict(given.get(name, {})) for name in START_OPTIONS)
+    batch.check_start((positions, velocities, numbers))
+    return positions, velocities, numbers
 
 
-class Env(gymnasium.Env[NDArray[np.float32], Any]):
+def _check_numbers(option: str, numbers: Any) -> None:
+    if not isinstance(numbers, Mapping):
+        raise TypeError(f"options[{option!r}] is {numbers!r}, expected a dictionary of names and numbers")
+    for name, number in numbers.items():
+        if not isinstance(name, str):
+            raise TypeError(f"options[{option!r}] names {name!r}, expected a text")
+        if isinstance(number, bool) or not isinstance(number, Real):
+            raise TypeError(f"options[{option!r}][{name!r}] is {number!r}, expected a number")
+
+
+Kind = TypeVar("Kind", bound="Copyable")
+
+
+class Copyable:
+    """An environment whose copies by `copy`, `copy.deepcopy` and `pickle` are independent of it.
+
+    They continue with the same bits, because `Batch` is copied with its whole state.
+    """
+
+    def __copy__(self: Kind) -> Kind:
+        return copy.deepcopy(self)
+
+
+def set_states(batch: Batch, indices: Sequence[int], states: Sequence[bytes]) -> None:
+    """Set copies of a batch to states: all of them, or none.
+
+    Raises:
+        ValueError: Bytes are not a state of this task, or their number is wrong. No copy has changed.
+        IndexError: There is no such copy.
+    """
+    if isinstance(states, bytes) or len(states) != len(indices):
+        found = "one state as bytes" if isinstance(states, bytes) else f"{len(states)} states"
+        raise ValueError(f"there are {found}, expected {len(indices)}: one per copy")
+    before = [(index, batch.save(index)) for index in indices]
+    try:
+        for index, state in zip(indices, states, strict=True):
+            batch.restore(index, state)
+    except (TypeError, ValueError):
+        for index, state in before:
+            batch.restore(index, state)
+        raise
+
+
+class Env(Copyable, gymnasium.Env[NDArray[np.float32], Any]):
     """One copy of a task.
 
     The time limit is part of the environment and of its state: no wrapper is needed.
@@ -133,18 +195,17 @@ class Env(gymnasium.Env[NDArray[np.float32], Any]):
             The observation, float32, `[observations]`, and an empty dictionary.
 
         Raises:
-            ValueError: There is no such option, coordinate or number.
+            TypeError: The seed or an option has another type. Nothing has changed.
+            ValueError: There is no such seed, option, coordinate or number. Nothing has changed.
         """
-        start = given_start(options)
+        start = given_start(self._batch, options)
         if seed is None and self._batch.unseeded():
             seed = random_seed()
         if seed is not None:
             seed = checked_seed(seed)
             super().reset(seed=seed)
             self._batch.seed(0, seed)
-        if start is not None:
-            return self._batch.reset_one_at(*start), {}
-        return self._batch.reset_one(), {}
+        return self._batch.reset_one(start), {}
 
     def step(
         self, action: Any
@@ -211,21 +272,6 @@ class Env(gymnasium.Env[NDArray[np.float32], Any]):
         """
         self._batch.restore(0, state)
         return self._batch.observe_one()
-
-    def __getstate__(self) -> dict[str, Any]:
-        attributes = dict(vars(self))
-        del attributes["_batch"]
-        return attributes | {"_limit": self._limit(), "_state": self.get_state()}
-
-    def __setstate__(self, attributes: dict[str, Any]) -> None:
-        limit, state = attributes.pop("_limit"), attributes.pop("_state")
-        self.__dict__.update(attributes)
-        self._batch = Batch(self.task, physics=self.physics, max_episode_steps=limit)
-        self._batch.restore(0, state)
-
-    def _limit(self) -> int:
-        limit = self._batch.max_episode_steps
-        return -1 if limit is None else limit
 
 
 class RegisteredEnv(Env):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -11,12 +12,16 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv as PettingZooParallelEnv
 
 from ._native import Batch
-from .environment import PICTURE_SIZE, TaskLike, as_task, rendering
+from .environment import PICTURE_SIZE, Copyable, TaskLike, as_task, given_start, rendering, set_states
 from .seeding import checked_seed, random_seed
 from .spaces import action_space, observation_space
 
 
-class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):  # type: ignore[misc]
+OPTIONS_OF_API_TEST = {"options": 1}
+"""Options that `pettingzoo.test.parallel_api_test` gives to each environment, which must accept them."""
+
+
+class ParallelEnv(Copyable, PettingZooParallelEnv[str, NDArray[np.float32], Any]):  # type: ignore[misc]
     """K agents that act at the same time, each in a copy of the task of its own: they do not meet.
 
     The start states are those of a team in the workbench: agent k draws them from the random stream (run
@@ -97,18 +102,23 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):  # type
             seed: Random number seed of the start states, from 0 to 2**64 - 1: a run seed of the workbench.
                 Without a seed the sequences continue; before the first one it is drawn by the operating
                 system.
-            options: Ignored: tasks have no options.
+            options: `"positions"`, `"velocities"` and `"numbers"` are those of `Env.reset`, for each agent.
 
         Returns:
             For each agent its observation, float32, `[observations]`, and an empty dictionary.
+
+        Raises:
+            TypeError: The seed or an option has another type. Nothing has changed.
+            ValueError: There is no such seed, option, coordinate or number. Nothing has changed.
         """
+        start = given_start(self._batch, None if options == OPTIONS_OF_API_TEST else options)
         if seed is None and self._batch.unseeded():
             seed = random_seed()
         if seed is not None:
             seed = checked_seed(seed)
             for index in range(len(self.possible_agents)):
                 self._batch.seed(index, seed)
-        self._batch.reset(self._observations)
+        self._batch.reset(self._observations, None, start)
         self.agents = list(self.possible_agents)
         return self._observations_of(self.agents), {agent: {} for agent in self.agents}
 
@@ -171,6 +181,31 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):  # type
     def get_state(self) -> list[bytes]:
         """The whole state of each agent's copy, as `VectorEnv.get_state`."""
         return [self._batch.save(index) for index in range(len(self.possible_agents))]
+
+    def set_state(self, states: Sequence[bytes], agents: Sequence[str] | None = None) -> dict[str, NDArray[np.float32]]:
+        """Continue from states that `get_state` returned, here or in any environment of this task.
+
+        Agents whose episode is running in their state are in `agents` afterwards, and no others.
+
+        Args:
+            states: One state for each agent, or for each of `agents`.
+            agents: Names of the agents whose state is set; by default all.
+
+        Returns:
+            For each agent in `self.agents` its observation, float32, `[observations]`.
+
+        Raises:
+            ValueError: Bytes are not a state of this task, their number is wrong, or there is no such agent.
+                No agent has changed.
+        """
+        names = self.possible_agents if agents is None else agents
+        unknown = [name for name in names if name not in self._index]
+        if unknown:
+            raise ValueError(f"there is no agent {unknown[0]!r}, expected one of {', '.join(self.possible_agents)}")
+        set_states(self._batch, [self._index[name] for name in names], states)
+        self._batch.observe(self._observations)
+        self.agents = [self.possible_agents[index] for index in self._batch.running()]
+        return self._observations_of(self.agents)
 
     def close(self) -> None:
         """Do nothing: there is nothing to close."""

@@ -9,7 +9,9 @@ After `close`, `seedbed explore runs/cartpole` and all other commands of the pro
 
 from __future__ import annotations
 
+import contextlib
 import os
+import warnings
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -52,7 +54,7 @@ RESERVED_NAMES = {"reward", "log_prob", "intrinsic_reward", "advantage", "outcom
 
 MAX_BUFFERED_STEPS = 4096
 MAX_BUFFERED_NUMBERS = 1 << 20
-"""Steps of unfinished episodes that wait in memory: at most so many, and at most 4 MB."""
+"""Steps of unfinished episodes that wait in memory: at most so many, and at most 8 MB."""
 
 
 class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -61,11 +63,17 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
     The wrapped environment behaves exactly as before. Each finished episode is appended to
     `FOLDER/states/agent_K.states` when it ends, so that a process that is killed loses at most its last episode.
     `close`, the end of the process or garbage collection writes `episodes.csv` and, when all agents of the folder
-    are closed, `summary.json`. Then `seedbed runs`, `inspect`, `plot`, `explore`, `export` and `film` show the run;
+    are closed, `summary.json`, which also says how many states have an observation that is NaN. Then `seedbed runs`, `inspect`, `plot`, `explore`, `export` and `film` show the run;
     they also do while it is in progress.
 
     Several agents, also in different processes, write to one folder: each needs an `agent` of its own. The file is
-    made by the first `reset`, in the process that steps the environment.
+    made by the first `reset`, in the process that steps the environment. Nobody else can record the agent until `close`.
+
+    An episode that `reset` cuts off is recorded as truncated: a wrapper outside of this one, such as `TimeLimit`, ends
+    episodes in this way. The episode that `close` cuts off is left out, with a warning, because its return would say
+    nothing; see `keep_unfinished`.
+
+    Numbers are recorded in single precision, after a warning if they are too large for it.
 
     Args:
         env: An environment whose observations are a Box, with at most 1000 numbers. All Dict, Tuple and Discrete
@@ -82,14 +90,17 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
             or `action_0`, `action_1`, …
         environment: Name of the environment; by default its id.
         overwrite: Replace the file of this agent, if there is one. Files of other agents stay.
-        resume: Continue the file of this agent, if there is one. An unfinished episode at its end is removed.
-        keep_unfinished: Record episodes that `reset` or `close` cuts off, as truncated. By default only finished
-            episodes are recorded, as Stable-Baselines3's `Monitor` does.
+        resume: Continue the file of this agent, if there is one. An unfinished episode at its end is removed, and so is
+            all from the first damage on, of which a copy is kept; both with a warning.
+        keep_unfinished: True also records the episode that `close` cuts off, as truncated. False records only episodes
+            that the environment has ended, as Stable-Baselines3's `Monitor` does, and leaves out all others silently.
 
     Raises:
         TypeError: The observations or actions are no numbers. The message says what to wrap the environment with.
         ValueError: Names, units or ranges are invalid, or differ from those of another agent in the folder.
         FileExistsError: The agent was recorded before, or the folder contains another run.
+        RecordingError: The first `reset` cannot write to the folder, or another recorder writes to the file; or a later
+            call cannot write. The episode is then left out, and the next one is recorded.
     """
 
     def __init__(
@@ -105,14 +116,14 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         environment: str | None = None,
         overwrite: bool = False,
         resume: bool = False,
-        keep_unfinished: bool = False,
+        keep_unfinished: bool | None = None,
     ) -> None:
         super().__init__(env)
         task = _task_of(env)
         observations = observation_axes(env.observation_space, task, names, units, ranges)
         actions = action_axes(env.action_space, task, action_names)
         header = _header(agent, environment or _name_of(env, env.spec), observations, actions, env.spec, env.metadata)
-        recorders = _Recorders(Path(folder), [header], overwrite, resume)
+        recorders = _Recorders(Path(folder).absolute(), [header], overwrite, resume)
         is_flat = len(env.observation_space.shape or ()) == 1
         self._recorder = _EpisodeRecorder(recorders, _numbers(env.action_space, task), is_flat, keep_unfinished)
         self._finish = weakref.finalize(self, self._recorder.close)
@@ -131,6 +142,8 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         recorder = self._recorder
         if recorder.is_running:
             recorder.add(action, reward, observation, terminated, truncated)
+        elif recorder.is_left_out:
+            recorder.is_left_out = not (terminated or truncated)
         elif self._autoresets:
             recorder.start(observation)
         else:
@@ -181,7 +194,7 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         autoreset_mode: str | AutoresetMode | None = None,
         overwrite: bool = False,
         resume: bool = False,
-        keep_unfinished: bool = False,
+        keep_unfinished: bool | None = None,
     ) -> None:
         super().__init__(env)
         mode = autoreset_mode or env.metadata.get("autoreset_mode")
@@ -197,7 +210,7 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         headers = [
             _header(agent, environment or _name_of(env, spec), observations, actions, spec, env.metadata) for agent in numbers
         ]
-        recorders = _Recorders(Path(folder), headers, overwrite, resume)
+        recorders = _Recorders(Path(folder).absolute(), headers, overwrite, resume)
         convert = _batch_numbers(env.single_action_space, task)
         self._recorder = _BatchRecorder(recorders, AutoresetMode(mode), convert, keep_unfinished)
         self._finish = weakref.finalize(self, self._recorder.close)
@@ -245,19 +258,74 @@ class _Recorders:
         if self.is_closed:
             raise RecordingError(f"the recorder of {self.folder} is closed")
         if self._files is None:
-            self._files = [StateFile(self.folder, header, **self._how) for header in self.headers]
+            self._files = self._open()
         return self._files
+
+    def _open(self) -> list[StateFile]:
+        """The files of all agents; if one of them cannot be recorded, none has changed."""
+        files: list[StateFile] = []
+        try:
+            for header in self.headers:
+                files.append(StateFile(self.folder, header, **self._how))
+            for file in files:
+                file.begin()
+        except BaseException:
+            for file in files:
+                file.release()
+            raise
+        return files
 
     def was_opened_here(self) -> bool:
         """Whether there are files, and they are not those of the process from which this one was forked."""
         return not self.is_closed and self._files is not None and self._files[0].was_made_here()
 
     def close(self) -> None:
-        if self.was_opened_here():
-            for file in self.files:
-                file.close()
-            merge_folder(self.folder)
+        """Complete all files; if this fails for some, the others are complete."""
+        files = self.files if self.was_opened_here() else []
         self.is_closed = True
+        with contextlib.ExitStack() as last_first:
+            if files:
+                last_first.callback(self._merge)
+            for file in files:
+                last_first.callback(file.release)
+                last_first.callback(file.close)
+
+    def _merge(self) -> None:
+        nans = merge_folder(self.folder)
+        if nans:
+            counts = ", ".join(f"{name} in {count}" for name, count in nans.items())
+            warnings.warn(f"{self.folder}: observations are NaN in some states: {counts}", RuntimeWarning, stacklevel=2)
+
+
+def _warn_of_unfinished(folder: Path, steps: Sequence[int]) -> None:
+    """Say which episodes `close` has left out; `steps` are their lengths."""
+    if steps:
+        subject = "the unfinished last episode" if len(steps) == 1 else f"the unfinished last episodes of {len(steps)} agents"
+        verb, outcome = ("is", "it") if len(steps) == 1 else ("are", "them")
+        warnings.warn(
+            f"{folder}: {subject} ({sum(steps)} steps) {verb} not recorded; keep_unfinished=True records {outcome} as "
+            "truncated, and keep_unfinished=False leaves out this message",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+
+
+def _reward(reward: Any) -> float:
+    """A reward as a number: also an array with one number, of any shape."""
+    if not isinstance(reward, np.ndarray):
+        with contextlib.suppress(TypeError):
+            return float(reward)
+    try:
+        return float(np.asarray(reward).reshape(()).item())
+    except (TypeError, ValueError):
+        raise TypeError(f"the reward is {reward!r}, expected a number") from None
+
+
+def _reshaped(values: Any, shape: tuple[int, ...], name: str) -> NDArray[Any]:
+    try:
+        return np.reshape(values, shape)
+    except ValueError:
+        raise ValueError(f"{name} has the shape {np.shape(values)}, expected {shape} numbers") from None
 
 
 def _buffered_steps(headers: Sequence[Header]) -> int:
@@ -269,7 +337,7 @@ class _EpisodeRecorder:
     """Collects the steps of one agent, and writes them when the episode ends or the memory is full."""
 
     def __init__(
-        self, recorders: _Recorders, numbers: Callable[[Any], Any] | None, is_flat: bool, keep_unfinished: bool
+        self, recorders: _Recorders, numbers: Callable[[Any], Any] | None, is_flat: bool, keep_unfinished: bool | None
     ) -> None:
         self._recorders = recorders
         self._numbers = numbers
@@ -277,40 +345,52 @@ class _EpisodeRecorder:
         self._keep_unfinished = keep_unfinished
         header = recorders.headers[0]
         self._capacity = _buffered_steps(recorders.headers)
-        self._observations = np.zeros((self._capacity + 1, len(header.observations)), np.float32)
-        self._actions = np.zeros((self._capacity, len(header.actions)), np.float32)
-        self._rewards = np.zeros(self._capacity, np.float32)
+        self._observations = np.zeros((self._capacity + 1, len(header.observations)), np.float64)
+        self._actions = np.zeros((self._capacity, len(header.actions)), np.float64)
+        self._rewards = np.zeros(self._capacity, np.float64)
         self._flat = (len(header.observations),)
         self.is_running = False
+        self.is_left_out = False
+        """Whether an episode is running that is not recorded, because some of its steps could not be."""
         self._steps = 0
         self._first_step = 0
         self._total_reward = 0.0
         self._has_warned = False
 
     def start(self, observation: Any) -> None:
-        self._end_unfinished()
         _ = self._recorders.files
-        self._observations[0] = np.reshape(observation, self._flat)
-        self._steps = self._first_step = 0
-        self._total_reward = 0.0
-        self.is_running = True
+        try:
+            self._end_unfinished(self._keep_unfinished is not False)
+        finally:
+            self._observations[0] = _reshaped(observation, self._flat, "the observation")
+            self._steps = self._first_step = 0
+            self._total_reward = 0.0
+            self.is_running, self.is_left_out = True, False
 
     def add(self, action: Any, reward: Any, observation: Any, terminated: Any, truncated: Any) -> None:
+        try:
+            self._add(action, reward, observation)
+            if terminated or truncated:
+                self._end(TERMINATED if terminated else TRUNCATED)
+        except BaseException:
+            self.is_running, self.is_left_out = False, not (terminated or truncated)
+            raise
+
+    def _add(self, action: Any, reward: Any, observation: Any) -> None:
+        if self._steps == self._capacity:
+            self._write(RUNNING)
+            self._observations[0] = self._observations[self._steps]
+            self._first_step += self._steps
+            self._steps = 0
         step = self._steps
         self._actions[step] = action if self._numbers is None else self._numbers(action)
-        reward = float(reward)
+        reward = _reward(reward)
         self._rewards[step] = reward
         self._total_reward += reward
-        step += 1
-        self._observations[step] = observation if self._is_flat else np.reshape(observation, self._flat)
-        self._steps = step
-        if terminated or truncated:
-            self._end(TERMINATED if terminated else TRUNCATED)
-        elif step == self._capacity:
-            self._write(RUNNING)
-            self._observations[0] = self._observations[step]
-            self._first_step += step
-            self._steps = 0
+        # NumPy would repeat an array of one number.
+        is_flat = self._is_flat and getattr(observation, "shape", None) == self._flat
+        self._observations[step + 1] = observation if is_flat else _reshaped(observation, self._flat, "the observation")
+        self._steps = step + 1
 
     def warn_of_missing_reset(self) -> None:
         if not self._has_warned:
@@ -318,18 +398,30 @@ class _EpisodeRecorder:
             self._has_warned = True
 
     def close(self) -> None:
-        if self._recorders.was_opened_here():
-            self._end_unfinished()
-        self._recorders.close()
+        left_out = []
+        try:
+            if self._recorders.was_opened_here():
+                left_out = self._end_unfinished(self._keep_unfinished is True)
+        finally:
+            self._recorders.close()
+        if self._keep_unfinished is None:
+            _warn_of_unfinished(self._recorders.folder, left_out)
 
-    def _end_unfinished(self) -> None:
-        if self._keep_unfinished and self.is_running and self._first_step + self._steps > 0:
+    def _end_unfinished(self, keep: bool) -> list[int]:
+        """End the running episode; returns the number of its steps if there are any and they are left out."""
+        steps = self._first_step + self._steps
+        if not self.is_running or steps == 0:
+            self.is_running = False
+            return []
+        if keep:
             self._end(TRUNCATED)
+            return []
         self.is_running = False
+        return [steps]
 
     def _end(self, outcome: int) -> None:
-        self._write(outcome)
         self.is_running = False
+        self._write(outcome)
 
     def _write(self, outcome: int) -> None:
         steps = self._steps
@@ -356,7 +448,7 @@ class _BatchRecorder:
         recorders: _Recorders,
         mode: AutoresetMode,
         numbers: Callable[[Any], NDArray[Any]],
-        keep_unfinished: bool,
+        keep_unfinished: bool | None,
     ) -> None:
         self._recorders = recorders
         self._mode = mode
@@ -364,8 +456,8 @@ class _BatchRecorder:
         self._keep_unfinished = keep_unfinished
         header, copies = recorders.headers[0], len(recorders.headers)
         self._capacity = _buffered_steps(recorders.headers)
-        self._observations = np.zeros((self._capacity + 1, copies, len(header.observations)), np.float32)
-        self._actions = np.zeros((self._capacity, copies, len(header.actions)), np.float32)
+        self._observations = np.zeros((self._capacity + 1, copies, len(header.observations)), np.float64)
+        self._actions = np.zeros((self._capacity, copies, len(header.actions)), np.float64)
         self._rewards = np.zeros((self._capacity, copies), np.float64)
         self._row = 0
         self._is_running = np.zeros(copies, np.bool_)
@@ -379,43 +471,77 @@ class _BatchRecorder:
 
     def start(self, observations: Any, mask: NDArray[np.bool_] | None) -> None:
         copies = np.flatnonzero(np.ones(len(self._is_running)) if mask is None else mask).tolist()
-        for copy in copies:
-            self._end_unfinished(copy)
         _ = self._recorders.files
+        failures = self._for_each(copies, lambda copy: self._end_unfinished(copy, self._keep_unfinished is not False))
         if mask is None:
             self._row = 0
         self._observations[self._row, copies] = self._flat(observations)[copies]
         self._begin(copies)
+        if failures:
+            raise failures[0]
 
-    def add(self, actions: Any, observations: Any, rewards: Any, terminated: Any, truncated: Any, infos: dict[str, Any]) -> None:
+    def add(self, actions: Any, observations: Any, rewards: Any, terminated: Any, truncated: Any, infos: Any) -> None:
+        try:
+            failures = self._add(actions, observations, rewards, np.ravel(terminated), np.ravel(truncated), infos or {})
+        except BaseException:
+            # Some of the steps may be missing.
+            self._is_running[:] = self._will_reset[:] = False
+            raise
+        if failures:
+            raise failures[0]
+
+    def _add(
+        self, actions: Any, observations: Any, rewards: Any, terminated: NDArray[Any], truncated: NDArray[Any], infos: Any
+    ) -> list[RecordingError]:
+        failures = self._empty() if self._row == self._capacity else []
         row = self._row
         self._actions[row] = self._numbers(actions)
-        self._rewards[row] = rewards
+        self._rewards[row] = _reshaped(rewards, self._is_running.shape, "the array of rewards")
         self._row = row = row + 1
         self._observations[row] = self._flat(observations)
+        ended = (terminated | truncated).astype(np.bool_)
         if self._will_reset.any():
+            ended &= ~self._will_reset
             self._begin(np.flatnonzero(self._will_reset).tolist())
-            ended = (terminated | truncated) & self._is_running & (self._first_row < row)
-        else:
-            ended = (terminated | truncated) & self._is_running
         if ended.any():
-            for copy in np.flatnonzero(ended).tolist():
+
+            def end(copy: int) -> None:
                 self._end(copy, TERMINATED if terminated[copy] else TRUNCATED, self._last_observation(copy, infos))
+
+            failures += self._for_each(np.flatnonzero(ended & self._is_running).tolist(), end)
             if self._mode == AutoresetMode.NEXT_STEP:
                 self._will_reset |= ended
             elif self._mode == AutoresetMode.SAME_STEP:
                 self._begin(np.flatnonzero(ended).tolist())
-        if row == self._capacity:
-            self._empty()
+        return failures
 
     def close(self) -> None:
-        if self._recorders.was_opened_here():
-            for copy in range(len(self._is_running)):
-                self._end_unfinished(copy)
-        self._recorders.close()
+        left_out: list[int] = []
+        try:
+            if self._recorders.was_opened_here():
+                copies = list(range(len(self._is_running)))
+                keep = self._keep_unfinished is True
+                failures = self._for_each(copies, lambda copy: left_out.extend(self._end_unfinished(copy, keep)))
+                if failures:
+                    raise failures[0]
+        finally:
+            self._recorders.close()
+        if self._keep_unfinished is None:
+            _warn_of_unfinished(self._recorders.folder, left_out)
+
+    def _for_each(self, copies: list[int], write: Callable[[int], Any]) -> list[RecordingError]:
+        """Write something for each copy; returns why this failed. The episodes of those copies are left out."""
+        failures = []
+        for copy in copies:
+            try:
+                write(copy)
+            except RecordingError as error:
+                self._is_running[copy] = False
+                failures.append(error)
+        return failures
 
     def _flat(self, observations: Any) -> NDArray[Any]:
-        return np.reshape(observations, self._observations.shape[1:])
+        return _reshaped(observations, self._observations.shape[1:], "the array of observations")
 
     def _begin(self, copies: list[int]) -> None:
         """Begin episodes with the observations in the current row."""
@@ -429,23 +555,32 @@ class _BatchRecorder:
         """The observation at the end of an episode, `[observations]`."""
         if self._mode != AutoresetMode.SAME_STEP:
             return self._observations[self._row, copy]
-        if "final_obs" not in infos:
-            raise RecordingError("infos has no final_obs, the last observation of an episode that ended (SAME_STEP)")
-        return np.asarray(infos["final_obs"][copy], np.float32).reshape(-1)
+        if "final_obs" not in infos or infos["final_obs"][copy] is None:
+            raise RecordingError(
+                "infos has no final_obs, the last observation of an episode that ended (SAME_STEP): record it inside of "
+                "wrappers that remove it, or give the autoreset mode with autoreset_mode="
+            )
+        return _reshaped(infos["final_obs"][copy], self._observations.shape[2:], 'infos["final_obs"]')
 
-    def _end_unfinished(self, copy: int) -> None:
-        steps = self._first_step[copy] + self._row - self._first_row[copy]
-        if self._keep_unfinished and self._is_running[copy] and steps > 0:
+    def _end_unfinished(self, copy: int, keep: bool) -> list[int]:
+        """End a running episode; returns the number of its steps if there are any and they are left out."""
+        steps = int(self._first_step[copy] + self._row - self._first_row[copy])
+        if not self._is_running[copy] or steps == 0:
+            self._is_running[copy] = False
+            return []
+        if keep:
             self._end(copy, TRUNCATED, self._observations[self._row, copy])
+            return []
         self._is_running[copy] = False
+        return [steps]
 
     def _end(self, copy: int, outcome: int, last_observation: NDArray[Any]) -> None:
         rows = slice(self._first_row[copy], self._row)
         states = np.concatenate([self._observations[rows, copy], last_observation[None]])
-        self._write(copy, states, rows, outcome)
         self._is_running[copy] = False
+        self._write(copy, states, rows, outcome)
 
-    def _write(self, copy: int, states: NDArray[np.float32], rows: slice, outcome: int) -> None:
+    def _write(self, copy: int, states: NDArray[np.float64], rows: slice, outcome: int) -> None:
         rewards = self._rewards[rows, copy]
         # One after the other, so that the sum does not depend on when the memory was full.
         total_reward = np.add.accumulate(np.append(self._total_reward[copy], rewards))[-1]
@@ -455,16 +590,20 @@ class _BatchRecorder:
         )
         self._total_reward[copy] = total_reward
 
-    def _empty(self) -> None:
-        """Write the steps of all running episodes, and continue in the first row."""
-        for copy in np.flatnonzero(self._is_running).tolist():
+    def _empty(self) -> list[RecordingError]:
+        """Write the steps of all running episodes, and continue in the first row; returns why this failed."""
+
+        def write(copy: int) -> None:
             rows = slice(self._first_row[copy], self._row)
             if rows.start < rows.stop:
                 self._write(copy, self._observations[rows, copy], rows, RUNNING)
                 self._first_step[copy] += rows.stop - rows.start
+
+        failures = self._for_each(np.flatnonzero(self._is_running).tolist(), write)
         self._observations[0] = self._observations[self._row]
         self._first_row[:] = 0
         self._row = 0
+        return failures
 
 
 def observation_axes(

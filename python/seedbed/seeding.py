@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import operator
-from typing import SupportsIndex
+from typing import Any
 
 import numpy as np
 
 MAX_SEED = 2**64 - 1
 
 
-def checked_seed(seed: SupportsIndex) -> int:
+def checked_seed(seed: Any) -> int:
     """The seed as an integer.
 
     Raises:
         TypeError: It is no integer.
         ValueError: It is negative, or has more than 64 bits.
     """
-    number = operator.index(seed)
+    try:
+        number = operator.index(seed)
+    except TypeError:
+        raise TypeError(f"seed is {seed!r}, expected an integer from 0 to 2**64 - 1") from None
     if not 0 <= number <= MAX_SEED:
         raise ValueError(f"seed is {number}, expected 0 to 2**64 - 1")
     return number

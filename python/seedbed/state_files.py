@@ -16,12 +16,14 @@ import struct
 import warnings
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .state_locks import STATES_FOLDER, LockFile, claim, locked, release
 
 MAGIC = b"SBSTATES"
 FORMAT_VERSION = 1
@@ -40,7 +42,6 @@ rewards of the episode so far."""
 RUNNING, TERMINATED, TRUNCATED = range(3)
 OUTCOMES = ("running", "terminated", "truncated")
 
-STATES_FOLDER = "states"
 SUFFIX = ".states"
 EPISODES_TABLE = "episodes.csv"
 SUMMARY = "summary.json"
@@ -104,17 +105,26 @@ class Header:
     @classmethod
     def from_json(cls, payload: bytes) -> Header:
         """The header that `to_json` wrote."""
-        fields: dict[str, Any] = json.loads(payload)
+        found: dict[str, Any] = json.loads(payload)
+        known = {field.name: found[field.name] for field in fields(cls) if field.name in found}
         for axes in ("observations", "actions"):
-            fields[axes] = tuple(Axis(**axis) for axis in fields[axes])
-        return cls(**fields)
+            known[axes] = tuple(Axis(axis["name"], axis["unit"], axis["low"], axis["high"]) for axis in known[axes])
+        return cls(**known)
 
     def difference_from(self, other: Header) -> str | None:
         """What prevents both agents from being in one recording; None if nothing does."""
-        for field in ("environment", "observations", "actions"):
-            mine, theirs = getattr(self, field), getattr(other, field)
+        for name in ("environment", "observations", "actions"):
+            mine, theirs = getattr(self, name), getattr(other, name)
             if mine != theirs:
-                return f"{field} {_text(mine)} differ from those of agent {other.agent}: {_text(theirs)}"
+                return f"{name} {_text(mine)} differ from those of agent {other.agent}: {_text(theirs)}"
+        return None
+
+    def change_from(self, other: Header) -> str | None:
+        """What prevents this agent from continuing the file with the other header; None if nothing does."""
+        for name in (field.name for field in fields(self)):
+            mine, theirs = getattr(self, name), getattr(other, name)
+            if mine != theirs:
+                return f"{name} is {_text(mine)}, but in the file {_text(theirs)}"
         return None
 
 
@@ -131,7 +141,7 @@ class EpisodeRow:
 
 @dataclass(frozen=True)
 class Scan:
-    """What is in the file of an agent."""
+    """What is in the file of an agent, as far as it is undamaged."""
 
     header: Header
     episodes: tuple[EpisodeRow, ...]
@@ -140,6 +150,10 @@ class Scan:
     end: int
     """Offset after the last frame of a finished episode, or of the end mark."""
     size: int
+    nans: tuple[int, ...]
+    """Number of states of finished episodes in which an observation is NaN, for each observation."""
+    damage: str | None
+    """Where the file is damaged and how; None if it is not. An incomplete frame at the end is no damage."""
 
 
 def _text(value: object) -> str:
@@ -197,24 +211,59 @@ def check_start(folder: Path, header: Header, *, overwrite: bool, resume: bool) 
 class StateFile:
     """The file of one agent, to which episodes are appended.
 
-    It is open only while something is appended, so that one process can record any number of agents.
+    It is open only while something is appended, so that one process can record any number of agents. Nobody else can
+    record the agent until `release`. Nothing has changed before `begin`.
 
     Raises:
         FileExistsError, ValueError: See `check_start`.
-        RecordingError: The existing file cannot be resumed.
+        RecordingError: The existing file cannot be resumed, or another recorder writes to it.
     """
 
     def __init__(self, folder: Path, header: Header, *, overwrite: bool = False, resume: bool = False) -> None:
         self.path = file_of(folder, header.agent)
         self.header = header
         self.next_episode = 0
+        self._folder = folder
         self._process = os.getpid()
         self._has_rival = False
-        with locked(folder):
+        self._has_warned = False
+        self._size = 0
+        with explained(folder), locked(folder):
             check_start(folder, header, overwrite=overwrite, resume=resume)
-            self._size = self._resume() if resume and self.path.exists() else self._create()
+            self._lock = claim(folder, header.agent)
+            if self._lock is None:
+                raise RecordingError(
+                    f"{self.path}: another recorder writes to it, in this process or another one; close that one first. "
+                    "Each agent needs a number of its own"
+                )
+            try:
+                self._found = self._resumed() if resume and self.path.exists() else None
+            except BaseException:
+                self.release()
+                raise
+
+    def begin(self) -> None:
+        """Create the file, or remove what follows the last finished episode."""
+        with explained(self._folder), locked(self._folder):
             for name in DERIVED_FILES:
-                (folder / name).unlink(missing_ok=True)
+                (self._folder / name).unlink(missing_ok=True)
+            for part in self.path.parent.glob(f".{self.path.name}.*.part"):
+                part.unlink(missing_ok=True)
+            if self._found is None:
+                start = file_start(self.header)
+                replace_file(self.path, start)
+                self._size = len(start)
+            else:
+                if self._found.end < self._found.size:
+                    cut(self.path, self._found)
+                self._size = self._found.end
+                self.next_episode = len(self._found.episodes)
+
+    def release(self) -> None:
+        """Let others record the agent."""
+        if self._lock is not None:
+            release(self._lock, self.header.agent)
+            self._lock = None
 
     def append_steps(
         self,
@@ -236,9 +285,27 @@ class StateFile:
             total_reward: Sum of all rewards of the episode so far.
         """
         start = EPISODE_START.pack(self.next_episode, first_step, len(rewards), outcome, total_reward)
-        arrays = (np.ascontiguousarray(array, "<f4").tobytes() for array in (observations, actions, rewards))
-        self._append(frame(EPISODE, start + b"".join(arrays)))
-        self.next_episode += outcome != RUNNING
+        arrays = (
+            self._single_precision(observations, [axis.name for axis in self.header.observations]),
+            self._single_precision(actions, [axis.name for axis in self.header.actions]),
+            self._single_precision(rewards, ["reward"]),
+        )
+        self._append(frame(EPISODE, start + b"".join(arrays)), episodes=int(outcome != RUNNING))
+
+    def _single_precision(self, values: NDArray[np.floating], names: Sequence[str]) -> bytes:
+        with np.errstate(over="ignore"):
+            single = np.ascontiguousarray(values, "<f4")
+        too_large = np.isinf(single) & np.isfinite(values)
+        if too_large.any() and not self._has_warned:
+            self._has_warned = True
+            index = np.argwhere(too_large)[0]
+            warnings.warn(
+                f"{self.path}: {names[index[-1] if values.ndim > 1 else 0]} is {values[tuple(index)]}, which is too large "
+                "for single precision: such numbers are recorded as infinite",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+        return single.tobytes()
 
     def close(self) -> None:
         """Append the mark that the recorder was closed, unless another recorder writes to the file."""
@@ -249,29 +316,18 @@ class StateFile:
         """Whether this process opened the file. A process that was forked from it must not write."""
         return os.getpid() == self._process
 
-    def _create(self) -> int:
-        """Create the file, and return its size."""
-        start = file_start(self.header)
-        replace_file(self.path, start)
-        return len(start)
+    def _resumed(self) -> Scan:
+        """What is in the existing file, which this recorder can continue."""
+        try:
+            found = scan(self.path)
+        except RecordingError as error:
+            raise RecordingError(f"{error}: it cannot be resumed; replace it with overwrite=True, or choose another folder") from error
+        change = self.header.change_from(found.header)
+        if change is not None:
+            raise ValueError(f"{self.path} cannot be resumed: {change}")
+        return found
 
-    def _resume(self) -> int:
-        """Remove what follows the last finished episode, and return the size of the file."""
-        found = scan(self.path)
-        if found.header != self.header:
-            difference = self.header.difference_from(found.header) or "time limit or step differs"
-            raise ValueError(f"{self.path} cannot be resumed: {difference}")
-        if found.end < found.size:
-            warnings.warn(
-                f"{self.path}: removed the unfinished last episode ({found.size - found.end} bytes)",
-                RuntimeWarning,
-                stacklevel=4,
-            )
-            os.truncate(self.path, found.end)
-        self.next_episode = found.episodes[-1].episode + 1 if found.episodes else 0
-        return found.end
-
-    def _append(self, content: bytes, *, sync: bool = False) -> None:
+    def _append(self, content: bytes, *, episodes: int = 0, sync: bool = False) -> None:
         if not self.was_made_here():
             raise RecordingError(
                 f"{self.path} was opened by process {self._process}, but this is process {os.getpid()}: "
@@ -281,11 +337,18 @@ class StateFile:
             descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
         except OSError as error:
             raise RecordingError(f"cannot append to {self.path}: {error}") from error
+        size, number = self._size + len(content), self.next_episode + episodes
         try:
             self._write(descriptor, content, sync)
+            # After Ctrl-C, either both have changed or none.
+            self._size, self.next_episode = size, number
+        except BaseException:
+            if not self._has_rival and self._size != size:
+                with contextlib.suppress(OSError):
+                    os.ftruncate(descriptor, self._size)
+            raise
         finally:
             os.close(descriptor)
-        self._size += len(content)
 
     def _write(self, descriptor: int, content: bytes, sync: bool) -> None:
         size = os.fstat(descriptor).st_size
@@ -302,9 +365,45 @@ class StateFile:
             if sync:
                 os.fsync(descriptor)
         except OSError as error:
-            with contextlib.suppress(OSError):
-                os.ftruncate(descriptor, self._size)
             raise RecordingError(f"cannot append to {self.path}: {error}") from error
+
+
+def cut(path: Path, found: Scan) -> None:
+    """Remove what follows the last finished episode, with a warning, and keep a copy of it if it is damaged."""
+    episodes, lost = len(found.episodes), found.size - found.end
+    message = f"{path}: removed the unfinished last episode ({lost} bytes)"
+    if found.damage is not None:
+        with open(path, "rb") as file:
+            file.seek(found.end)
+            kept = _free_name(path)
+            replace_file(kept, file_start(found.header) + file.read())
+        message = (
+            f"{path} is damaged {found.damage}: removed all from there on, which are the episodes from number {episodes} on "
+            f"({lost} bytes; {episodes} episodes are left). They are kept in {kept}"
+        )
+    with open(path, "r+b") as file:
+        file.truncate(found.end)
+        os.fsync(file.fileno())
+    warnings.warn(message, RuntimeWarning, stacklevel=6)
+
+
+def _free_name(path: Path) -> Path:
+    """A name that no reader takes for that of a file of visited states."""
+    number = 1
+    while (free := path.with_name(f"{path.name}.cut_{number}")).exists():
+        number += 1
+    return free
+
+
+@contextlib.contextmanager
+def explained(folder: Path) -> Iterator[None]:
+    """Turn errors of the system into errors that say which folder cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise RecordingError(f"cannot record in {folder}: {error}") from error
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -312,32 +411,14 @@ def replace_file(path: Path, content: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        part.write_bytes(content)
+        with open(part, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
         os.replace(part, path)
     except BaseException:
         part.unlink(missing_ok=True)
         raise
-
-
-@contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Let one process at a time change which files are in a folder. The system unlocks it if the process dies."""
-    states = folder / STATES_FOLDER
-    states.mkdir(parents=True, exist_ok=True)
-    with open(states / ".lock", "ab") as file:
-        _lock(file.fileno())
-        yield
-
-
-def _lock(descriptor: int) -> None:
-    if os.name == "nt":
-        import msvcrt
-
-        msvcrt.locking(descriptor, msvcrt.LK_LOCK, 1)  # type: ignore[attr-defined, unused-ignore]
-    else:
-        import fcntl
-
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
 
 
 def read_header(path: Path) -> Header:
@@ -355,51 +436,134 @@ def _read_header(path: Path, file: io.BufferedReader) -> Header:
         raise RecordingError(f"{path} is damaged at offset 0: wrong checksum")
     if version != FORMAT_VERSION:
         raise RecordingError(f"{path} has format version {version}, expected {FORMAT_VERSION}")
-    kind, payload_size, checksum = _read_frame_start(path, file)
-    payload = file.read(payload_size)
-    if kind != HEADER or zlib.crc32(payload) != checksum:
-        raise RecordingError(f"{path} is damaged at offset {FILE_START.size}: no valid header")
-    return Header.from_json(payload)
+    try:
+        kind, payload_size, checksum = _frame_start(file.read(FRAME_START.size))
+        payload = file.read(payload_size)
+        if kind != HEADER or zlib.crc32(payload) != checksum:
+            raise ValueError
+        return Header.from_json(payload)
+    except (ValueError, TypeError, KeyError, AttributeError):
+        raise RecordingError(f"{path} is damaged at offset {FILE_START.size}: no valid header") from None
 
 
-def _read_frame_start(path: Path, file: io.BufferedReader) -> tuple[bytes, int, int]:
+def _frame_start(start: bytes) -> tuple[bytes, int, int]:
     """Kind, size and checksum of the payload that follows."""
-    offset = file.tell()
-    start = file.read(FRAME_START.size)
     kind, size, checksum, own_checksum = FRAME_START.unpack(start.ljust(FRAME_START.size, b"\0"))
     if own_checksum != zlib.crc32(start[:12]):
-        raise RecordingError(f"{path} is damaged at offset {offset}: wrong checksum")
+        raise ValueError("wrong checksum")
     return kind, size, checksum
 
 
 def scan(path: Path) -> Scan:
-    """Find the finished episodes of a file. States are skipped; their checksums are checked by `seedbed`."""
-    episodes: list[EpisodeRow] = []
+    """Find the finished episodes of a file, up to its end or to the first damage. All checksums are verified.
+
+    Raises:
+        RecordingError: The file has no valid header.
+    """
     with open(path, "rb") as file:
         size = os.fstat(file.fileno()).st_size
-        header = _read_header(path, file)
-        end, is_closed = file.tell(), False
-        while size - file.tell() >= FRAME_START.size:
-            kind, payload_size, _ = _read_frame_start(path, file)
-            next_frame = file.tell() + payload_size
-            if next_frame > size:
-                break
-            is_closed = kind == CLOSED
-            outcome = RUNNING
-            if kind == EPISODE:
-                number, first_step, steps, outcome, total = EPISODE_START.unpack(file.read(EPISODE_START.size))
-                if outcome != RUNNING:
-                    episodes.append(EpisodeRow(header.agent, number, total, first_step + steps, outcome))
-            if is_closed or outcome != RUNNING:
-                end = next_frame
-            file.seek(next_frame)
-    return Scan(header, tuple(episodes), is_closed, end, size)
+        contents = _Contents(_read_header(path, file))
+        offset = end = file.tell()
+        damage = None
+        try:
+            while (payload := _next_payload(file, size)) is not None:
+                end = file.tell() if contents.add(*payload) else end
+                offset = file.tell()
+        except ValueError as error:
+            damage = f"at offset {offset} ({error})"
+    episodes, nans = tuple(contents.episodes), tuple(contents.nans.tolist())
+    return Scan(contents.header, episodes, contents.is_closed and end == size, end, size, nans, damage)
 
 
-def merge_folder(folder: Path) -> None:
-    """Write `episodes.csv` from the files of all agents and, if all of them are closed, `summary.json`."""
-    with locked(folder):
-        scans = [scan(path) for path in (folder / STATES_FOLDER).glob(f"agent_*{SUFFIX}")]
+def _next_payload(file: io.BufferedReader, size: int) -> tuple[bytes, bytes] | None:
+    """Kind and payload of the next frame; None at the end of the file or of its complete frames."""
+    start = file.read(FRAME_START.size)
+    if len(start) < FRAME_START.size or (not any(start) and not any(iter(lambda: file.read(1 << 16).strip(b"\0"), b""))):
+        return None
+    kind, payload_size, checksum = _frame_start(start)
+    if payload_size > size - file.tell():
+        return None
+    payload = file.read(payload_size)
+    if zlib.crc32(payload) != checksum:
+        raise ValueError("wrong checksum")
+    return kind, payload
+
+
+class _Contents:
+    """What the frames of a file add up to; the program checks the same when it reads the file."""
+
+    def __init__(self, header: Header) -> None:
+        self.header = header
+        self.episodes: list[EpisodeRow] = []
+        self.nans = np.zeros(len(header.observations), np.int64)
+        self.is_closed = False
+        self._steps = 0
+        """Number of steps of the unfinished episode."""
+        self._nans = np.zeros_like(self.nans)
+        """NaN observations of the unfinished episode."""
+
+    def add(self, kind: bytes, payload: bytes) -> bool:
+        """Add a frame; returns whether an episode, or the file, is finished with it.
+
+        Raises:
+            ValueError: The frame is not as expected.
+        """
+        self.is_closed = kind == CLOSED
+        if self.is_closed:
+            if payload != struct.pack("<I", len(self.episodes)):
+                raise ValueError("another number of episodes than in the file")
+            return True
+        if kind != EPISODE or len(payload) < EPISODE_START.size:
+            raise ValueError("unexpected frame")
+        number, first_step, steps, outcome, total = EPISODE_START.unpack_from(payload)
+        if first_step == 0:
+            # An earlier attempt at this episode was cut off.
+            self._steps, self._nans = 0, np.zeros_like(self.nans)
+        if number != len(self.episodes) or first_step != self._steps or outcome >= len(OUTCOMES):
+            raise ValueError(f"episode {number} from step {first_step} on, expected {len(self.episodes)} from {self._steps} on")
+        self._add_states(payload, steps, steps + (outcome != RUNNING))
+        if outcome == RUNNING:
+            return False
+        if self._steps == 0:
+            raise ValueError("an episode without steps")
+        self.episodes.append(EpisodeRow(self.header.agent, number, total, self._steps, outcome))
+        self.nans += self._nans
+        self._steps = 0
+        return True
+
+    def _add_states(self, payload: bytes, steps: int, states: int) -> None:
+        observations, actions = len(self.header.observations), len(self.header.actions)
+        if len(payload) != EPISODE_START.size + 4 * (states * observations + steps * (actions + 1)):
+            raise ValueError(f"{len(payload)} bytes do not contain {steps} steps")
+        values = np.frombuffer(payload, "<f4", states * observations, EPISODE_START.size)
+        self._nans = self._nans + np.isnan(values).reshape(-1, observations).sum(axis=0)
+        self._steps += steps
+
+
+def merge_folder(folder: Path) -> dict[str, int]:
+    """Write `episodes.csv` from the files of all agents and, if all of them are closed, `summary.json`.
+
+    If a file is damaged, a warning says so, and nothing is written.
+
+    Returns:
+        Number of states in which an observation is NaN, for each observation with such states.
+    """
+    with explained(folder), locked(folder):
+        for name in (EPISODES_TABLE, SUMMARY):
+            for part in folder.glob(f".{name}.*.part"):
+                part.unlink(missing_ok=True)
+        scans = []
+        for path in (folder / STATES_FOLDER).glob(f"agent_*{SUFFIX}"):
+            try:
+                found = scan(path)
+                damage = None if found.damage is None else f"{path} is damaged {found.damage}"
+            except RecordingError as error:
+                damage = str(error)
+            if damage is not None:
+                message = f"{damage}: {EPISODES_TABLE} and {SUMMARY} are not written. resume=True cuts off what is damaged"
+                warnings.warn(message, RuntimeWarning, stacklevel=4)
+                return {}
+            scans.append(found)
         scans.sort(key=lambda found: found.header.agent)
         episodes = [row for found in scans for row in found.episodes]
         episodes.sort(key=lambda row: (row.episode, row.agent))
@@ -407,6 +571,7 @@ def merge_folder(folder: Path) -> None:
         if all(found.is_closed for found in scans):
             text = json.dumps(_summary(folder, scans, episodes), ensure_ascii=False, indent=2)
             replace_file(folder / SUMMARY, text.encode() + b"\n")
+        return _nan_observations(scans)
 
 
 def _table(episodes: Sequence[EpisodeRow]) -> bytes:
@@ -439,7 +604,15 @@ def _summary(folder: Path, scans: Sequence[Scan], episodes: Sequence[EpisodeRow]
         "solved_at": None,
         "episodes_until_solved": None,
         "final_return": final_return if math.isfinite(final_return) else None,
+        "nan_observations": _nan_observations(scans),
     }
+
+
+def _nan_observations(scans: Sequence[Scan]) -> dict[str, int]:
+    """Number of states in which an observation is NaN, for each observation with such states."""
+    names = [axis.name for axis in scans[0].header.observations]
+    counts = [sum(numbers) for numbers in zip(*(found.nans for found in scans), strict=True)]
+    return {name: count for name, count in zip(names, counts, strict=True) if count > 0}
 
 
 def team_returns(episodes: Sequence[EpisodeRow], agents: int) -> list[float]:

@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from ._native import Batch
-from .environment import PICTURE_SIZE, RENDER_MODES, TaskLike, as_task, rendering
+from .environment import PICTURE_SIZE, RENDER_MODES, Copyable, TaskLike, as_task, given_start, rendering, set_states
 from .seeding import checked_seed, random_seed
 from .spaces import action_space, observation_space
 
@@ -23,7 +23,7 @@ BATCH_AUTORESET = {
 }
 
 
-class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
+class VectorEnv(Copyable, gymnasium.vector.VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     """M copies of a task, stepped natively.
 
     Results equal those of `gymnasium.vector.SyncVectorEnv` with M environments of the class `Env`, to the
@@ -127,15 +127,23 @@ class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], Any, NDArray[Any
             seed: Random number seeds of the start states, each from 0 to 2**64 - 1: one for each copy, or
                 one number s for the seeds s, s + 1, …, s + M - 1. Copies without a seed continue their
                 sequence; before their first one it is drawn by the operating system.
-            options: `{"reset_mask": mask}` (bool, `[M]`) resets only the copies whose mask is true.
+            options: `"reset_mask"` (bool, `[M]`) resets only the copies whose mask is true. `"positions"`,
+                `"velocities"` and `"numbers"` are those of `Env.reset`, for each copy that is reset; later
+                automatic resets draw their start states.
 
         Returns:
             The observations of all copies, float32, `[M, observations]`, and an empty dictionary.
+
+        Raises:
+            TypeError: A seed or an option has another type. Nothing has changed.
+            ValueError: There is no such seed, option, coordinate or number, or their number is wrong.
+                Nothing has changed.
         """
+        start = given_start(self._batch, options, "reset_mask")
         mask = self._reset_mask(options)
         self._seed(self._seeds_of_copies(seed), mask)
         observations = self._memory()
-        self._batch.reset(observations, mask)
+        self._batch.reset(observations, mask, start)
         return observations, {}
 
     def step(
@@ -213,20 +221,16 @@ class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], Any, NDArray[Any
             ValueError: Bytes are not a state of this task, or their number is wrong. No copy has changed.
             IndexError: There is no such copy.
         """
-        indices = range(self.num_envs) if copies is None else copies
-        if len(states) != len(indices):
-            raise ValueError(f"there are {len(states)} states, expected {len(indices)}: one per copy")
-        before = [(index, self._batch.save(index)) for index in indices]
-        try:
-            for index, state in zip(indices, states, strict=True):
-                self._batch.restore(index, state)
-        except ValueError:
-            for index, state in before:
-                self._batch.restore(index, state)
-            raise
+        set_states(self._batch, range(self.num_envs) if copies is None else copies, states)
         observations = self._memory()
         self._batch.observe(observations)
         return observations
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Do nothing: there is nothing to close, so that nothing can take long (`timeout`) or hang (`terminate`)."""
+        unknown = sorted(set(kwargs) - {"timeout", "terminate"})
+        if unknown:
+            raise TypeError(f"close() got an unexpected keyword argument {unknown[0]!r}")
 
     def _memory(self) -> NDArray[np.float32]:
         """The array in which the next observations are written."""
@@ -262,11 +266,14 @@ class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], Any, NDArray[Any
     def _seeds_of_copies(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
             return [None] * self.num_envs
-        if isinstance(seed, Sequence | np.ndarray):
+        if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes) and getattr(seed, "ndim", 1) > 0:
             if len(seed) != self.num_envs:
                 raise ValueError(f"there are {len(seed)} seeds, expected {self.num_envs}: one per copy")
             return [None if one is None else checked_seed(one) for one in seed]
-        first = checked_seed(seed)
+        try:
+            first = checked_seed(seed)
+        except TypeError:
+            raise TypeError(f"seed is {seed!r}, expected an integer from 0 to 2**64 - 1, or one per copy") from None
         checked_seed(first + self.num_envs - 1)
         return [first + index for index in range(self.num_envs)]
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -31,6 +33,25 @@ MIXED_TASK = """Environment(
 )
 """
 """A task with a discrete and a continuous component of actions."""
+
+
+def _skipping_fails(report: Any) -> Any:
+    if report.skipped and sys.platform == "linux" and not hasattr(report, "wasxfail"):
+        report.outcome = "failed"
+        report.longrepr = f"{report.nodeid} was skipped, which tests on Linux must not be: {report.longrepr}"
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, Any, Any]:
+    """A test that is skipped has failed: `python/test` installs all that tests need."""
+    return _skipping_fails((yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report() -> Generator[None, Any, Any]:
+    """As for single tests: a file that is skipped has failed."""
+    return _skipping_fails((yield))
 
 
 @pytest.fixture

@@ -69,7 +69,7 @@ def test_episodes_are_those_of_the_copies(tmp_path, mode, make, monkeypatch):
     # Few rows, so that most episodes are written in several parts.
     monkeypatch.setattr("seedbed.recording.MAX_BUFFERED_NUMBERS", 0)
     copies = 3
-    environments = RecordVisitationVector(make([Walk] * copies, autoreset_mode=mode), tmp_path, agents=[4, 0, 2])
+    environments = RecordVisitationVector(make([Walk] * copies, autoreset_mode=mode), tmp_path, agents=[4, 0, 2], keep_unfinished=False)
     actions = np.random.default_rng(1).uniform(-1, 1, (200, copies, 1)).astype(np.float32)
     step_all(environments, actions, mode)
     environments.close()
@@ -88,7 +88,7 @@ def test_episodes_are_those_of_the_copies(tmp_path, mode, make, monkeypatch):
 def test_results_are_passed_on_unchanged(tmp_path, mode):
     actions = np.random.default_rng(1).uniform(-1, 1, (50, 2, 1)).astype(np.float32)
     bare = SyncVectorEnv([Walk] * 2, autoreset_mode=mode)
-    recorded = RecordVisitationVector(SyncVectorEnv([Walk] * 2, autoreset_mode=mode), tmp_path)
+    recorded = RecordVisitationVector(SyncVectorEnv([Walk] * 2, autoreset_mode=mode), tmp_path, keep_unfinished=False)
     bare.reset(seed=3), recorded.reset(seed=3)
     for row in actions:
         one, other = bare.step(row), recorded.step(row)
@@ -102,7 +102,7 @@ def test_results_are_passed_on_unchanged(tmp_path, mode):
 
 def test_a_native_vector_environment(tmp_path):
     environments = gymnasium.make_vec("CartPole-v1", num_envs=5, vectorization_mode="vector_entry_point")
-    environments = RecordVisitationVector(environments, tmp_path)
+    environments = RecordVisitationVector(environments, tmp_path, keep_unfinished=False)
     environments.reset(seed=0)
     rewards = 0.0
     for _ in range(300):

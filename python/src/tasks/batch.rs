@@ -11,13 +11,16 @@ use numpy::{
 use pyo3::exceptions::{PyIndexError, PyRuntimeError, PyValueError};
 use pyo3::import_exception;
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
-use seedbed_env::description::BodyTask;
-use seedbed_env::{Physics, TaskDescription};
+use pyo3::types::{PyBytes, PyDict};
+use seedbed_env::{GivenStart, Physics, TaskDescription};
 
 use super::actions::ActionReader;
 use super::description::{Task, task_error};
 use super::group::{Autoreset, Group, Phase, Rows};
+use super::options::{
+    MAX_COPIES, MAX_THREADS, autoreset_name, check_range, default_threads, parse_autoreset,
+    parse_physics, physics_name, with_time_limit,
+};
 use super::picture;
 use super::start::{NamedNumbers, given_start, named_start};
 use super::threads::Threads;
@@ -25,14 +28,6 @@ use crate::record::framing::Bounds;
 use crate::record::outline::terrain_lines;
 
 import_exception!(gymnasium.error, ResetNeeded);
-
-/// Maximum numbers of copies and of threads of a batch.
-const MAX_COPIES: usize = 1 << 20;
-const MAX_THREADS: usize = 256;
-
-/// Minimum number of copies per thread, unless a number of threads is given, for tasks with contacts and
-/// for all others. They take about 0.1 ms, and to wake a thread about 0.02 ms.
-const MIN_COPIES_PER_THREAD: [usize; 2] = [8, 256];
 
 /// Sides of pictures, in pixels.
 const PICTURE_SIDES: std::ops::RangeInclusive<u32> = 32..=4096;
@@ -56,6 +51,8 @@ const PICTURE_SIDES: std::ops::RangeInclusive<u32> = 32..=4096;
 ///         the random stream of agent k, and a copy whose episode has ended waits for the others.
 #[pyclass(module = "seedbed._native")]
 pub(crate) struct Batch {
+    /// The task as it was given; `description` has the time limit of the batch.
+    task: Py<Task>,
     description: Arc<TaskDescription>,
     physics: Physics,
     autoreset: Autoreset,
@@ -81,7 +78,7 @@ impl Batch {
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         py: Python<'_>,
-        task: &Task,
+        task: Py<Task>,
         copies: usize,
         physics: &str,
         threads: Option<usize>,
@@ -90,10 +87,11 @@ impl Batch {
         team: bool,
     ) -> PyResult<Self> {
         check_range("number of copies", copies, MAX_COPIES)?;
-        let threads = threads.unwrap_or_else(|| default_threads(&task.description, copies));
+        let description = &task.get().description;
+        let threads = threads.unwrap_or_else(|| default_threads(description, copies));
         check_range("number of threads", threads, MAX_THREADS)?;
-        let physics = parse_physics(physics, &task.description)?;
-        let description = with_time_limit(&task.description, max_episode_steps)?;
+        let physics = parse_physics(physics, description)?;
+        let description = with_time_limit(description, max_episode_steps)?;
         let spec = description.spec();
         Ok(Self {
             physics,
@@ -112,7 +110,36 @@ impl Batch {
             threads: Threads::new(threads.min(copies))?,
             bounds: None,
             description,
+            task,
         })
+    }
+
+    /// With `__getstate__` and `__setstate__`: `pickle` and `copy` make a batch that continues with the
+    /// same bits.
+    fn __getnewargs_ex__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<((Py<Task>, usize), Bound<'py, PyDict>)> {
+        let limit = self.max_episode_steps().map_or(-1, i64::from);
+        let options = PyDict::new(py);
+        options.set_item("threads", self.threads())?;
+        options.set_item("team", self.is_team)?;
+        options.set_item("max_episode_steps", limit)?;
+        options.set_item("physics", physics_name(self.physics))?;
+        options.set_item("autoreset", autoreset_name(self.autoreset))?;
+        Ok(((self.task.clone_ref(py), self.copies), options))
+    }
+
+    fn __getstate__<'py>(&mut self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyBytes>>> {
+        (0..self.copies).map(|copy| self.save(py, copy)).collect()
+    }
+
+    fn __setstate__(&mut self, states: Vec<Vec<u8>>) -> PyResult<()> {
+        check_length("states", states.len(), self.copies)?;
+        for (copy, state) in states.iter().enumerate() {
+            self.restore(copy, state)?;
+        }
+        Ok(())
     }
 
     /// Number of copies M.
@@ -150,6 +177,22 @@ impl Batch {
         copies.collect()
     }
 
+    /// Indices of the copies whose episode is running.
+    fn running(&mut self) -> Vec<usize> {
+        let copies = self.groups().iter().flat_map(|group| {
+            let phases = group.phases().iter().enumerate();
+            let running = phases.filter(|(_, phase)| **phase == Phase::Running);
+            running.map(|(copy, _)| group.first_copy + copy)
+        });
+        copies.collect()
+    }
+
+    /// Checks that there is a start state of these numbers, which `reset` takes: positions (m, rad) and
+    /// velocities of coordinates and numbers of the episode by name.
+    fn check_start(&mut self, start: [NamedNumbers; 3]) -> PyResult<()> {
+        self.given_start(start).map(|_| ())
+    }
+
     /// Lets a copy draw its start states from the random stream with the name (run seed, reset,
     /// agent, round 0). The agent is the index of the copy in a team, otherwise 0.
     fn seed(&mut self, copy: usize, run_seed: u64) -> PyResult<()> {
@@ -161,13 +204,19 @@ impl Batch {
 
     /// Starts a new episode in each copy, or in those that `mask` (bool, `[M]`) selects, and writes the
     /// current observations of all copies (float32, `[M, observations]`).
-    #[pyo3(signature = (observations, mask = None))]
+    ///
+    /// With `start`, episodes start in a given state: positions (m, rad) and velocities of coordinates
+    /// and numbers of the episode by name. Coordinates that are not named start at rest where the task
+    /// places its bodies, other numbers are drawn.
+    #[pyo3(signature = (observations, mask = None, start = None))]
     fn reset(
         &mut self,
         py: Python<'_>,
         mut observations: PyReadwriteArray2<'_, f32>,
         mask: Option<PyReadonlyArray1<'_, bool>>,
+        start: Option<[NamedNumbers; 3]>,
     ) -> PyResult<()> {
+        let start = start.map(|start| self.given_start(start)).transpose()?;
         let mask = mask.map(|mask| mask.as_array().to_vec());
         let observations = slice_of(&mut observations)?;
         check_length(
@@ -180,7 +229,8 @@ impl Batch {
             mask.as_ref().map_or(self.copies, Vec::len),
             self.copies,
         )?;
-        self.reset_selected(py, |copy| mask.as_ref().is_none_or(|mask| mask[copy]))?;
+        let is_selected = |copy: usize| mask.as_ref().is_none_or(|mask| mask[copy]);
+        self.reset_selected(py, is_selected, start.as_ref())?;
         self.write_observations(observations);
         Ok(())
     }
@@ -248,29 +298,17 @@ impl Batch {
         self.step_into(py, rows)
     }
 
-    /// Starts a new episode in the only copy; returns the observation (float32, `[observations]`).
-    fn reset_one<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        self.check_single()?;
-        self.reset_selected(py, |_| true)?;
-        self.observe_one(py)
-    }
-
-    /// Starts a new episode in the only copy in a given state: positions (m, rad) and velocities of
-    /// coordinates and numbers of the episode by name. Coordinates that are not named start at rest
-    /// where the task places its bodies, other numbers are drawn. Returns the observation (float32,
-    /// `[observations]`).
-    fn reset_one_at<'py>(
+    /// Starts a new episode in the only copy, with `start` in a given state as in `reset`; returns the
+    /// observation (float32, `[observations]`).
+    #[pyo3(signature = (start = None))]
+    fn reset_one<'py>(
         &mut self,
         py: Python<'py>,
-        positions: NamedNumbers,
-        velocities: NamedNumbers,
-        numbers: NamedNumbers,
+        start: Option<[NamedNumbers; 3]>,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
         self.check_single()?;
-        let group = &mut self.groups()[0];
-        let names = group.environment.start_names();
-        let start = given_start(&names, [positions, velocities, numbers])?;
-        guarded(|| group.reset_at(0, &start))?;
+        let start = start.map(|start| self.given_start(start)).transpose()?;
+        self.reset_selected(py, |_| true, start.as_ref())?;
         self.observe_one(py)
     }
 
@@ -403,6 +441,11 @@ impl Batch {
         }
     }
 
+    /// The start state with these numbers.
+    fn given_start(&mut self, numbers: [NamedNumbers; 3]) -> PyResult<GivenStart> {
+        given_start(&self.groups()[0].environment.start_names(), numbers)
+    }
+
     fn check_single(&self) -> PyResult<()> {
         match self.copies {
             1 => Ok(()),
@@ -448,11 +491,12 @@ impl Batch {
         &mut self,
         py: Python<'_>,
         is_selected: impl Fn(usize) -> bool + Send + Sync,
+        start: Option<&GivenStart>,
     ) -> PyResult<()> {
         let reset = |group: &mut Group| {
             for copy in 0..group.copies() {
                 if is_selected(group.first_copy + copy) {
-                    group.reset(copy);
+                    group.reset(copy, start);
                 }
             }
         };
@@ -553,69 +597,6 @@ fn build_groups(
         built.push(Group::new(environment, physics, first));
     }
     Ok(built)
-}
-
-/// The number of cores, but not more than there is work for.
-fn default_threads(description: &TaskDescription, copies: usize) -> usize {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let body_task = description.body_task();
-    let has_contacts = body_task.is_some_and(BodyTask::needs_own_worlds);
-    let copies_per_thread = MIN_COPIES_PER_THREAD[usize::from(!has_contacts)];
-    cores.min(copies / copies_per_thread).clamp(1, MAX_THREADS)
-}
-
-fn parse_physics(name: &str, description: &TaskDescription) -> PyResult<Physics> {
-    match name {
-        "rapier" => Ok(Physics::Rapier),
-        "analytic" if description.has_analytic_model() => Ok(Physics::Analytic),
-        "analytic" => Err(PyValueError::new_err(format!(
-            "physics is \"analytic\", but the task `{}` has no analytic model: use physics=\"rapier\"",
-            description.spec().name
-        ))),
-        _ => Err(PyValueError::new_err(format!(
-            "physics is {name:?}, expected \"rapier\" or \"analytic\""
-        ))),
-    }
-}
-
-fn parse_autoreset(name: &str) -> PyResult<Autoreset> {
-    match name {
-        "next_step" => Ok(Autoreset::NextStep),
-        "same_step" => Ok(Autoreset::SameStep),
-        "disabled" => Ok(Autoreset::Disabled),
-        _ => Err(PyValueError::new_err(format!(
-            "autoreset is {name:?}, expected \"next_step\", \"same_step\" or \"disabled\""
-        ))),
-    }
-}
-
-/// The task with another time limit, if there is one.
-fn with_time_limit(
-    description: &Arc<TaskDescription>,
-    max_episode_steps: Option<i64>,
-) -> PyResult<Arc<TaskDescription>> {
-    let limit = match max_episode_steps {
-        None => return Ok(Arc::clone(description)),
-        Some(-1) => u32::MAX,
-        Some(steps @ 1..) => u32::try_from(steps).unwrap_or(u32::MAX),
-        Some(steps) => {
-            return Err(PyValueError::new_err(format!(
-                "max_episode_steps is {steps}, expected at least 1, or -1 for no limit"
-            )));
-        }
-    };
-    let mut description = TaskDescription::clone(description);
-    description.spec_mut().time_limit = limit;
-    Ok(Arc::new(description))
-}
-
-fn check_range(name: &str, value: usize, max: usize) -> PyResult<()> {
-    if (1..=max).contains(&value) {
-        return Ok(());
-    }
-    Err(PyValueError::new_err(format!(
-        "{name} is {value}, expected 1 to {max}"
-    )))
 }
 
 fn check_length(name: &str, found: usize, expected: usize) -> PyResult<()> {

@@ -3,6 +3,7 @@
 use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Environment, GivenStart, Physics, Pose, Status};
 
+use super::options::physics_name;
 use super::state::CopyState;
 
 /// When a copy whose episode has ended is reset: the modes of Gymnasium's vector environments.
@@ -93,18 +94,13 @@ impl Group {
         self.streams[copy].is_some()
     }
 
-    /// Starts a new episode in a copy that has a random stream.
-    pub(super) fn reset(&mut self, copy: usize) {
+    /// Starts a new episode in a copy that has a random stream, in a given state or a drawn one.
+    pub(super) fn reset(&mut self, copy: usize, start: Option<&GivenStart>) {
         if let Some(stream) = &mut self.streams[copy] {
-            self.environment.reset(copy, stream);
-            (self.steps[copy], self.phases[copy]) = (0, Phase::Running);
-        }
-    }
-
-    /// Starts a new episode in a given state, in a copy that has a random stream.
-    pub(super) fn reset_at(&mut self, copy: usize, start: &GivenStart) {
-        if let Some(stream) = &mut self.streams[copy] {
-            self.environment.reset_at(copy, stream, start);
+            match start {
+                Some(start) => self.environment.reset_at(copy, stream, start),
+                None => self.environment.reset(copy, stream),
+            }
             (self.steps[copy], self.phases[copy]) = (0, Phase::Running);
         }
     }
@@ -121,7 +117,7 @@ impl Group {
             }
         }
         for &copy in &resets {
-            self.reset(copy);
+            self.reset(copy, None);
         }
         self.resets = resets;
         self.write_observations(rows.observations);
@@ -183,8 +179,7 @@ impl Group {
     pub(super) fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String> {
         let state = CopyState::from_bytes(bytes)?;
         if state.physics != self.physics {
-            let name = |physics| format!("{physics:?}").to_lowercase();
-            let (found, expected) = (name(state.physics), name(self.physics));
+            let [found, expected] = [state.physics, self.physics].map(physics_name);
             return Err(format!(
                 "the state is of an environment with physics=\"{found}\", expected physics=\"{expected}\""
             ));

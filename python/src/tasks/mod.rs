@@ -5,6 +5,7 @@ mod batch;
 mod builtin;
 mod description;
 mod group;
+mod options;
 mod picture;
 mod start;
 mod state;

@@ -14,7 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from dm_control.mujoco.wrapper.mjbindings import sizes
+from dm_control import suite
 from reference import (
     ENVS,
     Vector,
@@ -31,18 +31,6 @@ import seedbed
 
 STATES = 300
 """Number of states in which observations and rewards are compared."""
-
-
-def forget_removed_fields() -> None:
-    """Removes fields from dm_control's lists that the installed MuJoCo no longer has: those of deformable bodies."""
-    model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    for name, struct in (("mjmodel", model), ("mjdata", mujoco.MjData(model))):
-        for missing in [field for field in sizes.array_sizes[name] if not hasattr(struct, field)]:
-            del sizes.array_sizes[name][missing]
-
-
-forget_removed_fields()
-from dm_control import suite  # noqa: E402
 
 Generator = np.random.Generator
 Near = Callable[[Generator, Any, Vector, Vector], dict[str, float]]
