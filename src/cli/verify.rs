@@ -46,7 +46,9 @@ impl Amount {
     fn of(self, stored: usize) -> usize {
         match self {
             Self::Runs(runs) => runs.min(stored),
-            Self::Share(share) => ((share * stored as f64).ceil() as usize).clamp(1, stored),
+            Self::Share(share) => {
+                seedbed_env::input::numbers::share_of_count(share, stored).clamp(1, stored)
+            }
         }
     }
 }

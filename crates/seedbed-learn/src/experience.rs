@@ -8,6 +8,7 @@ pub mod replay;
 
 use serde::{Deserialize, Serialize};
 
+use self::replay::Origin;
 use seedbed_env::{Status, TaskSpec};
 
 /// One episode of T steps (thesis §5.1): observations, actions with their log-probabilities, and
@@ -60,6 +61,16 @@ impl Episode {
     #[must_use]
     pub fn length(&self) -> usize {
         self.rewards.len()
+    }
+
+    /// The name of step number `step` of this episode.
+    #[must_use]
+    pub fn origin(&self, step: usize) -> Origin {
+        Origin {
+            agent: self.agent,
+            episode: self.episode,
+            step: step as u32,
+        }
     }
 
     /// Undiscounted sum of the rewards.

@@ -1,6 +1,7 @@
 //! Integration of second-order equations of motion, q̈ = f(q, q̇, F).
 
 use super::trigonometry::Trigonometry;
+use crate::input::numbers::ceil_decimal;
 
 /// Positions and velocities of N coordinates, or the rates of both.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,7 +115,7 @@ fn extrapolate<const N: usize, const K: usize>(
 
 /// Number of steps of at most `max_step` in a control step.
 pub(super) fn substeps(control_step: f64, max_step: f64) -> u32 {
-    (control_step / max_step).ceil().max(1.0) as u32
+    ceil_decimal(control_step / max_step).max(1.0) as u32
 }
 
 #[cfg(test)]
@@ -157,6 +158,7 @@ mod tests {
     fn a_control_step_is_divided_into_short_steps() {
         assert_eq!(substeps(0.02, 0.02), 1);
         assert_eq!(substeps(0.05, 0.02), 3);
+        assert_eq!(substeps(0.14, 0.02), 7);
         assert_eq!(substeps(0.2, 0.0125), 16);
         assert_eq!(substeps(0.001, 0.02), 1);
     }

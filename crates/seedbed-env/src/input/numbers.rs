@@ -162,6 +162,21 @@ impl<const MAX: u32, const MIN: u32> From<Count<MAX, MIN>> for u64 {
     }
 }
 
+/// The smallest whole number that is at least `number`, which was computed from decimal numbers. An
+/// excess that is due to rounding does not count: 0.28 of 25 is 7, though the product of the nearest
+/// binary numbers is 7.000000000000001.
+#[must_use]
+pub fn ceil_decimal(number: f64) -> f64 {
+    // Two numbers and their product or quotient are each within a relative error of EPSILON / 2.
+    (number * (1.0 - 8.0 * f64::EPSILON)).ceil()
+}
+
+/// The smallest whole number that is at least a share of a count; see [`ceil_decimal`].
+#[must_use]
+pub fn share_of_count(share: f64, count: usize) -> usize {
+    ceil_decimal(share * count as f64) as usize
+}
+
 /// A number that is in its range, such as a default.
 ///
 /// # Panics
@@ -178,4 +193,34 @@ pub fn ranged_number<N: TryFrom<f64, Error = String>>(value: f64) -> N {
 #[must_use]
 pub fn ranged_count<const MAX: u32, const MIN: u32>(value: u32) -> Count<MAX, MIN> {
     Count::try_from(u64::from(value)).unwrap_or_else(|message| panic!("{message}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All shares with two decimals of counts up to 1000 are ⌈n c / 100⌉, in whole numbers.
+    #[test]
+    fn shares_of_counts_are_those_of_decimal_numbers() {
+        for count in 0..=1000_usize {
+            for percent in 1..=100_usize {
+                let share = format!("0.{percent:02}").replace("0.100", "1.0");
+                let share: f64 = share.parse().unwrap();
+                let expected = (percent * count).div_ceil(100);
+                for share in [share, percent as f64 / 100.0] {
+                    assert_eq!(share_of_count(share, count), expected, "{share} of {count}");
+                }
+            }
+        }
+        assert_eq!(share_of_count(1e-9, 10), 1);
+        assert_eq!(share_of_count(0.2801, 25), 8);
+    }
+
+    /// 0.14 / 0.02 is 7.000000000000001 in binary numbers.
+    #[test]
+    fn quotients_of_decimal_numbers_are_rounded_up() {
+        for (number, expected) in [(0.14 / 0.02, 7.0), (0.05 / 0.02, 3.0), (0.0, 0.0)] {
+            assert_eq!(ceil_decimal(number), expected);
+        }
+    }
 }

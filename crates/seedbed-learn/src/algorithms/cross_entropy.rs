@@ -23,7 +23,7 @@ use crate::team::{
 };
 use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{
-    Count, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
+    Count, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number, share_of_count,
 };
 use seedbed_env::random::{Purpose, stream};
 
@@ -204,7 +204,7 @@ impl CrossEntropyTeam {
         let mean = |agent: usize| returns[agent].0 / f64::from(returns[agent].1.max(1));
         let mut agents: Vec<usize> = (0..self.population.len()).collect();
         agents.sort_by(|&a, &b| mean(b).total_cmp(&mean(a)));
-        let count = (self.config.elite.get() * agents.len() as f64).ceil() as usize;
+        let count = share_of_count(self.config.elite.get(), agents.len());
         agents.truncate(count.max(1));
         agents
     }
@@ -408,6 +408,21 @@ mod tests {
         learn(&mut team, &episodes, 0);
         assert!(team.mean.iter().all(|&mean| mean == 2.5), "{:?}", team.mean);
         assert!(team.deviation.iter().all(|&deviation| deviation == 0.5));
+    }
+
+    /// ⌈0.28 · 25⌉ = 7, ⌈0.29 · 25⌉ = ⌈7.25⌉ = 8; at least one agent.
+    #[test]
+    fn the_elite_is_a_share_of_the_agents() {
+        for (elite, agents, expected) in [(0.28, 25, 7), (0.29, 25, 8), (0.01, 3, 1), (1.0, 25, 25)]
+        {
+            let config = CrossEntropy {
+                elite: ranged_number(elite),
+                ..CrossEntropy::default()
+            };
+            let episodes: Vec<Episode> = (0..agents).map(|agent| episode(agent, 0.0)).collect();
+            let elite = team(agents as u32, &config).elite(&episodes);
+            assert_eq!(elite.len(), expected);
+        }
     }
 
     /// The added deviation decreases linearly: ½, ¼ after half of the rounds, 0 at the end.

@@ -3,13 +3,14 @@
 use std::ops::Range;
 
 use rand::RngExt;
+use serde::{Deserialize, Serialize};
 
 use super::Episode;
 use seedbed_env::Status;
 use seedbed_env::random::Stream;
 
-/// Which step of which episode a transition is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Which step of which episode a transition is. The order is that of agents, episodes and steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Origin {
     /// Number of the agent, from 0.
     pub agent: u32,
@@ -118,18 +119,13 @@ impl Replay {
             Status::Running
         };
         let observations = &episode.observations[step * width..(step + 2) * width];
-        let origin = Origin {
-            agent: episode.agent,
-            episode: episode.episode,
-            step: step as u32,
-        };
         self.add(&Transition {
             state: &observations[..width],
             action: episode.actions[step] as usize,
             reward: episode.rewards[step],
             next_state: &observations[width..],
             status,
-            origin,
+            origin: episode.origin(step),
         });
     }
 

@@ -22,6 +22,7 @@ use super::dynamics::transitions::TransitionEncoder;
 use super::network_info::{BonusInfo, setting_text};
 use super::{AgentContext, PROBE_STEPS, Tensor};
 use crate::cancellation::cancellation_point;
+use crate::experience::replay::Origin;
 use crate::experience::{Episode, Experience};
 use crate::nn::MedianScale;
 use crate::rl::information_gain;
@@ -349,14 +350,17 @@ impl BonusModel {
         self.compute_bonuses_where(experience, own_episodes, bonuses, |_| true);
     }
 
-    /// Computes the bonus of every second step of `pairs` with the present model and scale.
+    /// Computes the bonuses of transitions from any episodes with the present model and scale.
+    /// `pairs` has transition i as step 2i; `origins` are the steps that the transitions were.
     pub(crate) fn compute_bonuses_of_pairs(
         &mut self,
         pairs: &Episode,
+        origins: &[Origin],
         random: &mut Stream,
         bonuses: &mut Vec<f32>,
     ) {
-        self.compute_gains(pairs, 2, random, bonuses);
+        let origin = |step: usize| origins[step / 2];
+        self.compute_gains_of(pairs, 2, origin, random, bonuses);
         self.scale_gains(bonuses);
     }
 
@@ -566,10 +570,24 @@ impl BonusModel {
         random: &mut Stream,
         gains: &mut Vec<f32>,
     ) {
+        let origin = |step| episode.origin(step);
+        self.compute_gains_of(episode, stride, origin, random, gains);
+    }
+
+    /// Like [`compute_gains`](Self::compute_gains), but the steps have other names than those of the
+    /// episode.
+    fn compute_gains_of(
+        &mut self,
+        episode: &Episode,
+        stride: usize,
+        origin: impl Fn(usize) -> Origin,
+        random: &mut Stream,
+        gains: &mut Vec<f32>,
+    ) {
         match &mut self.model {
             Model::Vime(model) => model.compute_gains(episode, stride, random, gains),
             Model::Rnd(model) => model.compute_gains(episode, stride, gains),
-            Model::TeamEntropy(model) => model.compute_gains(episode, stride, gains),
+            Model::TeamEntropy(model) => model.compute_gains(episode, stride, origin, gains),
         }
     }
 }

@@ -10,6 +10,7 @@ use super::{BonusScale, ModelSharing};
 use crate::agent::scaling::{ObservationScaling, Scaling};
 use crate::agent::{AgentContext, Tensor};
 use crate::experience::Episode;
+use crate::experience::replay::Origin;
 use crate::nn::STANDARDIZED_LIMIT;
 use crate::rl::state_entropy::{self, NeighborScratch};
 use seedbed_env::TaskSpec;
@@ -87,11 +88,8 @@ struct References {
     /// One column per observation: `[width × N]`.
     columns: Vec<f32>,
     /// The steps: `[N]`.
-    steps: Vec<StepName>,
+    steps: Vec<Origin>,
 }
-
-/// Number of an agent, of its episode, and of a step of this episode.
-type StepName = (u32, u32, u32);
 
 impl TeamEntropyModel {
     /// Approximate number of bytes that the references of one agent need.
@@ -122,16 +120,16 @@ impl TeamEntropyModel {
         let steps = ends.last().copied().unwrap_or(0);
         let count = steps.min(self.config.references.get() as usize);
         let drawn = index::sample(random, steps, count).into_iter();
-        let mut drawn: Vec<(StepName, &[f32])> = drawn
+        let mut drawn: Vec<(Origin, &[f32])> = drawn
             .map(|position| {
                 let index = ends.partition_point(|&end| end <= position);
                 let episode = episodes[index];
                 let step = position + episode.length() - ends[index];
                 let state = &episode.observations[(step + 1) * self.width..][..self.width];
-                ((episode.agent, episode.episode, step as u32), state)
+                (episode.origin(step), state)
             })
             .collect();
-        drawn.sort_unstable_by_key(|(name, _)| *name);
+        drawn.sort_unstable_by_key(|(origin, _)| *origin);
         let rows: Vec<f32> = drawn
             .iter()
             .flat_map(|(_, state)| *state)
@@ -144,22 +142,28 @@ impl TeamEntropyModel {
         });
         self.references = References {
             columns: columns.collect(),
-            steps: drawn.into_iter().map(|(name, _)| name).collect(),
+            steps: drawn.into_iter().map(|(origin, _)| origin).collect(),
         };
     }
 
-    /// log(1 + d) of every `stride`-th step of an episode, 0 without references.   `gains:
-    /// [⌈T/stride⌉]`, overwritten
-    pub(crate) fn compute_gains(&mut self, episode: &Episode, stride: usize, gains: &mut Vec<f32>) {
+    /// log(1 + d) of every `stride`-th step of an episode, 0 without references. `origin` names a
+    /// step: if it is one of the references, its own state does not count.   `gains: [⌈T/stride⌉]`,
+    /// overwritten
+    pub(crate) fn compute_gains(
+        &mut self,
+        episode: &Episode,
+        stride: usize,
+        origin: impl Fn(usize) -> Origin,
+        gains: &mut Vec<f32>,
+    ) {
         self.scale(episode.observations.get(self.width..).unwrap_or_default());
         let neighbors = self.config.neighbors.get() as usize;
         gains.clear();
         for step in (0..episode.length()).step_by(stride) {
-            let name = (episode.agent, episode.episode, step as u32);
             let distance = state_entropy::distance_to_neighbor(
                 &self.scaled[step * self.width..][..self.width],
                 &self.references.columns,
-                self.references.steps.binary_search(&name).ok(),
+                self.references.steps.binary_search(&origin(step)).ok(),
                 neighbors,
                 &mut self.scratch,
             );

@@ -319,7 +319,7 @@ fn distances_are_scaled_to_display_ranges() {
         &mut stream(1, Purpose::ReferenceStates, 0, 0),
     );
     let mut gains = vec![];
-    model.compute_gains(&far, 1, &mut gains);
+    model.compute_gains(&far, 1, |step| far.origin(step), &mut gains);
     assert!(
         (f64::from(gains[0]) - 1.5_f64.ln()).abs() < 1e-6,
         "{gains:?}"

@@ -2,7 +2,7 @@
 
 use crate::algorithms::seed_pg::config::TimeLimit;
 use crate::experience::Episode;
-use crate::experience::replay::Transition;
+use crate::experience::replay::{Origin, Transition};
 use seedbed_env::{Status, TaskSpec};
 
 /// B transitions, stored column by column.
@@ -20,19 +20,18 @@ pub(super) struct Minibatch {
     pub(super) discounts: Vec<f32>,
     /// Weights of the transitions in the loss: `[B]`.
     pub(super) weights: Vec<f32>,
+    /// Which steps the transitions were: `[B]`.
+    pub(super) origins: Vec<Origin>,
     /// The same transitions as input of a bonus model: see [`pairs`](Self::pairs). None without a
     /// bonus model.
     pairs: Option<Episode>,
 }
 
-/// Number of the episode that the transitions form: none of the run.
-const NO_EPISODE: u32 = u32::MAX;
-
 impl Minibatch {
     /// An empty minibatch whose transitions will be passed to a bonus model.
     pub(super) fn for_bonus_model(spec: &TaskSpec) -> Self {
         Self {
-            pairs: Some(Episode::start(0, NO_EPISODE, 0, spec)),
+            pairs: Some(Episode::start(0, 0, 0, spec)),
             ..Self::default()
         }
     }
@@ -50,6 +49,7 @@ impl Minibatch {
             .into_iter()
             .for_each(Vec::clear);
         self.actions.clear();
+        self.origins.clear();
         if let Some(pairs) = &mut self.pairs {
             [
                 &mut pairs.observations,
@@ -75,13 +75,15 @@ impl Minibatch {
         self.next_states.extend_from_slice(transition.next_state);
         self.discounts.push(discount);
         self.weights.push(weight);
+        self.origins.push(transition.origin);
         if let Some(pairs) = &mut self.pairs {
             push_pair(pairs, transition);
         }
     }
 
     /// The transitions as an episode, for bonus models, which take episodes: steps 0, 2, 4, … are
-    /// the transitions; the steps between them only connect one transition with the next.
+    /// the transitions; the steps between them only connect one transition with the next. Names of
+    /// these steps are in `origins`.
     pub(super) fn pairs(&self) -> Option<&Episode> {
         self.pairs.as_ref()
     }

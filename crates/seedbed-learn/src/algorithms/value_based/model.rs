@@ -363,7 +363,8 @@ impl ValueModel {
         let (Some(bonus_model), Some(pairs)) = (&mut self.bonus_model, minibatch.pairs()) else {
             return;
         };
-        bonus_model.compute_bonuses_of_pairs(pairs, &mut self.random, bonuses);
+        let origins = &minibatch.origins;
+        bonus_model.compute_bonuses_of_pairs(pairs, origins, &mut self.random, bonuses);
         for (reward, bonus) in minibatch.rewards.iter_mut().zip(bonuses) {
             *reward += *bonus;
         }
@@ -556,3 +557,6 @@ fn descent(composition: &Composition) -> Descent {
         step_size_factor: 1.0,
     }
 }
+
+#[cfg(test)]
+mod tests;
