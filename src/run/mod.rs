@@ -15,6 +15,7 @@ pub mod checkpoint;
 pub(crate) mod checkpoint_schedule;
 pub mod checksums;
 mod episode_slots;
+pub mod episode_warning;
 pub mod evaluate;
 pub mod file_lock;
 pub mod files;
@@ -246,8 +247,14 @@ pub fn execute(
     let mut recorder = RoundRecorder::new(recorders, trainer.agent_count(), options.threads);
     let mut checkpoint_schedule = CheckpointSchedule::of(&plan.scenario);
     observer.begun(&progress(plan, &trainer));
+    let mut has_warned = false;
     while !trainer.is_done() {
-        let round = trainer.advance()?;
+        let round = trainer.advance();
+        if let (Some(warning), false) = (trainer.physics_warning(), has_warned) {
+            observer.warn(&warning.to_string());
+            has_warned = true;
+        }
+        let round = round?;
         recorder.record(trainer.rounds() - 1, &trainer.newest_episodes(), round)?;
         report_warnings(&mut recorder, observer);
         observer.round_finished(&progress(plan, &trainer));

@@ -77,6 +77,75 @@ fn error_after(task: &BodyTask, seconds: f64) -> f64 {
 
 #[test]
 #[ignore = "a measurement"]
+fn measure_the_cost_of_ccd() {
+    for mover in MOVERS {
+        for fields in ["", "ccd: true,"] {
+            let walls = r#"colliders: [
+                (geom: Box(center: (-1.0, 0.0), half_size: (0.15, 5.0))), (geom: Box(center: (1.0, 0.0), half_size: (0.15, 5.0))),
+            ],"#;
+            let task = flight(mover, walls, fields, 1.0);
+            let mut bodies = build_dynamics(&task, Physics::Rapier, 1).unwrap();
+            bodies.start(0, &[0.0, 0.0, 0.3], &[2.0, 0.0, 0.0]);
+            let begin = std::time::Instant::now();
+            (0..50_000).for_each(|_| bodies.step(&[]));
+            println!(
+                "{mover} {fields} {:.2} µs per step",
+                begin.elapsed().as_secs_f64() * 20.0
+            );
+        }
+    }
+}
+
+#[test]
+#[ignore = "a measurement"]
+fn measure_inertias() {
+    for inertia in [1e-1, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12, 1e-20, 1e-30] {
+        for (name, fields) in [
+            ("impulse", ""),
+            (
+                "multibody",
+                r#"colliders: [(geom: Ball(center: (90.0, 0.0), radius: 1.0))],"#,
+            ),
+        ] {
+            let mut task = double_pendulum(1.0, 1.0, "(iterations: 4)", fields);
+            for body in &mut task.bodies {
+                body.inertial.inertia = inertia;
+            }
+            let mut bodies = build_dynamics(&task, Physics::Rapier, 1).unwrap();
+            bodies.start(0, &[0.5, 0.3], &[0.0, 0.0]);
+            (0..50).for_each(|_| bodies.step(&[]));
+            let row = [0, 1].map(|joint| bodies.coordinates().get(joint, 0).0);
+            println!("{name} {inertia:e}: {row:?}");
+        }
+    }
+    // A rope of 1 m holds a ball that flies away.
+    for speed in [1.0, 5.0, 20.0, 60.0, 200.0] {
+        for mass in [1.0, 100.0] {
+            let task = parse_bodies(
+                "rope",
+                format!(
+                    r#"Environment(
+                description: "A test.", gravity: (0.0, 0.0), control_step: 0.02, time_limit: 1000,
+                bodies: [(name: "ball", mass: {mass}, inertia: 0.1)], ropes: [(name: "leash", from: (body: "world"), to: (body: "ball"), length: 1.0)],
+                actuators: [], sensors: [], observations: [], reward: "0",
+            )"#
+                ),
+            );
+            let mut bodies = build_dynamics(&task, Physics::Rapier, 1).unwrap();
+            bodies.start(0, &[0.5, 0.0, 0.0], &[speed, 0.0, 0.0]);
+            let mut longest = 0.0_f32;
+            for _ in 0..100 {
+                bodies.step(&[]);
+                let [x, y] = [0, 1].map(|axis| bodies.coordinates().get(axis, 0).0);
+                longest = longest.max(x.hypot(y));
+            }
+            println!("rope {speed} {mass}: {longest}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "a measurement"]
 fn measure_mass_ratios() {
     for (name, fields) in [
         ("impulse", ""),
@@ -233,7 +302,7 @@ fn whoever_passes_a_wall_is_reported_and_ccd_keeps_it_out() {
         );
     }
     assert!(passed > 100);
-    assert!(silent.is_empty());
+    assert!(silent.is_empty() && false_alarms.is_empty() && leaks.is_empty());
 }
 
 const SHAPES: &str = r#"Environment(
@@ -270,7 +339,7 @@ fn number(random: &mut Stream) -> String {
         "1.1754944e-38",
         "123456.78",
     ];
-    let list: &[&str] = if random.random_bool(0.6) {
+    let list: &[&str] = if random.random_bool(0.94) {
         &usual
     } else {
         &unusual
