@@ -314,3 +314,30 @@ def test_a_task_without_actuators_moves(tmp_path: Path) -> None:
     environment.reset(seed=0)
     observation = environment.step(environment.action_space.sample())[0]
     assert observation == pytest.approx([-1.0], rel=1e-4)
+
+
+SPINNING = """Environment(
+    description: "A wheel.", gravity: (0.0, 0.0), control_step: 0.02, time_limit: 20,
+    bodies: [(name: "wheel", mass: 1.0, inertia: 1e-9)],
+    joints: [(name: "axle", parent: "world", child: "wheel", type: Hinge())],
+    actuators: [(name: "torque", type: JointForce("axle"), control: Discrete([-1.0, 1.0]))],
+    sensors: [(name: "angle", type: JointPosition("axle"))],
+    observations: [(name: "side", value: "cos(angle)", range: (-1.0, 1.0))],
+    reward: "side",
+)"""
+
+
+@pytest.mark.parametrize("num_envs", [None, 3])
+def test_physics_beyond_its_range_is_a_warning_once(num_envs: int | None, tmp_path: Path):
+    """1 N m / 1e-9 kg m² × 0.02 s are 2e7 rad/s; one turn per substep of 5 ms is 1257 rad/s."""
+    path = tmp_path / "wheel.ron"
+    path.write_text(SPINNING)
+    environment = seedbed.make(path, num_envs=num_envs) if num_envs else seedbed.make(path)
+    environment.reset(seed=0)
+    action = 1 if num_envs is None else np.ones(num_envs, dtype=np.int64)
+    expected = r"wheel: in copy 0, episode 0, step 1, the velocity of `axle` is 2\.0e7 rad/s, more than 1256\.6371 rad/s"
+    with pytest.warns(RuntimeWarning, match=expected):
+        environment.step(action)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        environment.step(action)

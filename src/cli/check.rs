@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use super::{CliError, pluralize};
 use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
+use seedbed::scenario::Scenario;
 use seedbed::study::experiment::Experiment;
 use seedbed::study::plan::StudyPlan;
 use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular;
 use seedbed_env::input::{self, FileKind, InputError};
-use seedbed_env::{Choice, TaskSpec};
+use seedbed_env::{Choice, Physics, TaskSpec, physics_warnings};
 
 /// Maximum number of observations that are listed by name.
 pub(super) const MAX_NAMED_OBSERVATIONS: usize = 30;
@@ -58,16 +59,19 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
     let text = input_files::read_text(path)?;
     let mut warnings = Vec::new();
     let description = match input::file_kind(&path.display().to_string(), &text)? {
-        FileKind::Environment | FileKind::TabularEnvironment => Ok(format!(
-            "environment; {}",
-            describe_spaces(input_files::read_task(path)?.0.spec())
-        )),
+        FileKind::Environment | FileKind::TabularEnvironment => {
+            let (task, _) = input_files::read_task(path)?;
+            warnings.extend(physics_warnings(&task, Physics::Rapier));
+            Ok(format!("environment; {}", describe_spaces(task.spec())))
+        }
         FileKind::TabularScenario => {
             describe_tabular(path).map(|description| format!("tabular scenario with {description}"))
         }
         FileKind::Scenario => {
             let plan = Plan::load(path, &[])?;
             warnings.extend(plan.warning());
+            let Scenario { physics, seed, .. } = plan.scenario;
+            warnings.extend(physics_warnings(&plan.description.for_run(seed), physics));
             let agents = pluralize(plan.scenario.agents.count.get() as usize, "agent");
             Ok(format!(
                 "scenario with {agents} in `{}`; {}",

@@ -31,7 +31,7 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
             CliError::Runtime(format!("cannot create {}: {error}", folder.display()))
         })?;
     }
-    let rows = preview::record(
+    let (rows, warning) = preview::record(
         &description,
         physics,
         episodes,
@@ -46,6 +46,9 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
             row.r#return,
             row.outcome.name()
         );
+    }
+    if let Some(warning) = warning {
+        note!("warning: {warning}");
     }
     say!(
         "\nrecording  {0}; open it with\n             rerun {0}",

@@ -10,7 +10,7 @@ use super::checkpoint_schedule::CheckpointSchedule;
 use super::round_recorder::{CheckpointKind, RoundRecorder};
 use super::stopping::{MAX_REPETITION, RoundDurations};
 use super::trainer::{Round, Trainer};
-use super::{Options, Plan, RunError, any_interrupted, build_trainer};
+use super::{Observer, Options, Plan, RunError, any_interrupted, build_trainer};
 use seedbed_learn::cancellation::Cancellation;
 
 /// A run on rank 0, or in the only process.
@@ -22,6 +22,8 @@ pub(super) struct ActiveRun<'a> {
     pub(super) checkpoints: CheckpointWriter,
     pub(super) schedule: CheckpointSchedule,
     pub(super) durations: RoundDurations,
+    /// Whether the observer knows that physics left the range in which it computes well.
+    pub(super) has_warned: bool,
 }
 
 impl ActiveRun<'_> {
@@ -30,6 +32,7 @@ impl ActiveRun<'_> {
     pub(super) fn play_round(
         &mut self,
         cancellation: &Cancellation,
+        observer: &mut dyn Observer,
     ) -> Result<Option<Round>, RunError> {
         let (rounds, start) = (self.trainer.rounds(), Instant::now());
         // A rank that goes back by itself would let the others wait.
@@ -39,7 +42,9 @@ impl ActiveRun<'_> {
         } else {
             None
         };
-        match cancellation.run(|| self.trainer.advance()) {
+        let played = cancellation.run(|| self.trainer.advance());
+        self.warn_of_physics(observer);
+        match played {
             Some(Ok(round)) => {
                 self.durations.ended(start);
                 Ok(Some(round))
@@ -57,6 +62,13 @@ impl ActiveRun<'_> {
                 self.go_back_to(rounds, saved, MAX_REPETITION)?;
                 Ok(None)
             }
+        }
+    }
+
+    fn warn_of_physics(&mut self, observer: &mut dyn Observer) {
+        if let (Some(warning), false) = (self.trainer.physics_warning(), self.has_warned) {
+            observer.warn(&warning.to_string());
+            self.has_warned = true;
         }
     }
 

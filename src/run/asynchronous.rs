@@ -73,6 +73,7 @@ impl AsyncRollout {
                 if let Some(episode) = slot.observe(environment) {
                     ended.episodes.push(episode);
                     ended.body_trajectories.extend(slot.body_trajectory.take());
+                    ended.warnings.extend(slot.warning.take());
                 }
             }
         }

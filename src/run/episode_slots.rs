@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
+use super::episode_warning::EpisodeWarning;
 use crate::record::outline::terrain_lines;
 use crate::record::{BodyTrajectory, SceneSettings};
 use seedbed_env::random::{Purpose, Stream, stream};
@@ -131,6 +132,9 @@ pub(super) struct EpisodeSlot {
     pub(super) playing: Option<Episode>,
     /// The bodies during the episode that is playing or has just ended, if they are recorded.
     pub(super) body_trajectory: Option<BodyTrajectory>,
+    /// The physics warning of the episode that has just ended.
+    #[serde(skip)]
+    pub(super) warning: Option<EpisodeWarning>,
 }
 
 impl EpisodeSlot {
@@ -142,6 +146,7 @@ impl EpisodeSlot {
             resets: stream(run_seed, Purpose::Reset, agent, round),
             playing: None,
             body_trajectory: None,
+            warning: None,
         }
     }
 
@@ -191,6 +196,14 @@ impl EpisodeSlot {
             self.playing = Some(episode);
             return None;
         }
+        self.warning = environment
+            .physics_warning(copy)
+            .map(|warning| EpisodeWarning {
+                agent: self.agent,
+                episode: episode.episode,
+                step: warning.step,
+                message: warning.message,
+            });
         Some(episode)
     }
 

@@ -16,6 +16,7 @@ pub mod checkpoint;
 pub(crate) mod checkpoint_schedule;
 pub mod checksums;
 mod episode_slots;
+pub mod episode_warning;
 pub mod evaluate;
 pub mod file_lock;
 pub mod files;
@@ -306,10 +307,11 @@ fn lead(
         checkpoints,
         schedule: CheckpointSchedule::of(&plan.scenario),
         durations: RoundDurations::new(),
+        has_warned: false,
     };
     observer.begun(&progress(plan, &run.trainer));
     while !run.trainer.is_done() {
-        let Some(round) = run.play_round(cancellation)? else {
+        let Some(round) = run.play_round(cancellation, observer)? else {
             let rounds = run.checkpoints.newest_rounds();
             return Ok(RunOutcome::Interrupted { rounds });
         };

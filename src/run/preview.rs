@@ -2,6 +2,7 @@
 //! bodies move.
 
 use super::RunError;
+use super::episode_warning::EpisodeWarning;
 use super::round_recorder::RoundRecorder;
 use super::trainer::Trainer;
 use crate::record::{
@@ -17,7 +18,7 @@ use seedbed_learn::algorithms::Algorithm;
 /// Plays `episodes` episodes of a task with random actions, and records all of them including the
 /// bodies, with the recorder that `recorder_factory` makes.
 ///
-/// Returns one row per episode.
+/// Returns one row per episode, and the first physics warning.
 ///
 /// # Errors
 /// The task cannot be built with this physics, or the file cannot be written.
@@ -27,7 +28,7 @@ pub fn record(
     episodes: Count,
     run_seed: u64,
     recorder_factory: Box<dyn RecorderFactory>,
-) -> Result<Vec<EpisodeRow>, RunError> {
+) -> Result<(Vec<EpisodeRow>, Option<EpisodeWarning>), RunError> {
     let scenario = preview_scenario(description, physics, episodes, run_seed);
     let mut trainer = Trainer::from_scenario(&scenario, description, 1)?;
     let scenario_text = scenario.resolved();
@@ -52,7 +53,7 @@ pub fn record(
         recorder.record(trainer.rounds() - 1, &trainer.newest_episodes(), round)?;
     }
     recorder.finish()?;
-    Ok(rows)
+    Ok((rows, trainer.physics_warning().cloned()))
 }
 
 /// A scenario with one random agent, whose bodies are drawn in every episode.

@@ -8,6 +8,7 @@
 use std::ops::Range;
 
 use super::episode_slots::EpisodeSlots;
+use super::episode_warning::EpisodeWarning;
 use super::ranks::Ranks;
 use super::remote_steps::{PlayedSteps, RemoteRounds};
 use crate::record::{BodyTrajectory, SceneSettings};
@@ -36,6 +37,8 @@ pub struct PlayedEpisodes {
     pub episodes: Vec<Episode>,
     /// The recorded bodies, in (agent, episode) order.
     pub body_trajectories: Vec<BodyTrajectory>,
+    /// The physics warnings, at most one per episode.
+    pub warnings: Vec<EpisodeWarning>,
 }
 
 /// Copies of the environment that one thread steps, and their agents.
@@ -139,6 +142,7 @@ pub(super) fn collect_episodes<'a>(
             .episodes
             .extend(agents.flat_map(|agent| agent.finished));
         played.body_trajectories.extend(round.body_trajectories);
+        played.warnings.extend(round.warnings);
     }
     played
         .body_trajectories
@@ -179,6 +183,7 @@ pub(super) struct GroupRound<'a> {
     slots: EpisodeSlots,
     agents: Vec<AgentRound>,
     body_trajectories: Vec<BodyTrajectory>,
+    warnings: Vec<EpisodeWarning>,
     /// Number of steps whose transitions the team has not got yet.
     unreported_steps: u32,
 }
@@ -228,6 +233,7 @@ impl<'a> GroupRound<'a> {
             slots: EpisodeSlots::new(plan.run_seed, agents, first_copy, plan.round),
             agents: Vec::new(),
             body_trajectories: Vec::new(),
+            warnings: Vec::new(),
             unreported_steps: 0,
         };
         round.agents.resize_with(count, AgentRound::default);
@@ -272,6 +278,7 @@ impl<'a> GroupRound<'a> {
             return;
         };
         self.body_trajectories.extend(slot.body_trajectory.take());
+        self.warnings.extend(slot.warning.take());
         let finished = &mut self.agents[index].finished;
         finished.push(episode);
         if finished.len() < self.plan.episodes as usize {

@@ -53,6 +53,9 @@ pub struct Summary {
     /// diverse as the team.
     #[serde(default)]
     pub effective_agents: Option<f64>,
+    /// What the physics of the task could not compute well: the first place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub physics_warning: Option<String>,
 }
 
 /// The threshold at which a task counts as solved.
@@ -102,6 +105,7 @@ impl Summary {
             visitation_evenness: visits.evenness,
             team_overlap: Some(visits.diversity.overlap),
             effective_agents: Some(visits.diversity.effective_agents),
+            physics_warning: trainer.physics_warning().map(ToString::to_string),
         }
     }
 }

@@ -43,7 +43,8 @@ pub trait Dynamics: Send {
         0.0
     }
 
-    /// The first surface that a body of `copy` passed in the latest step without touching it. Without
+    /// The first surface that a body of `copy` has been found behind in the latest step, after it passed
+    /// without touching it. Without
     /// colliders there is none.
     fn passage(&self, _copy: usize) -> Option<Passage> {
         None
@@ -74,6 +75,8 @@ pub struct Passage {
     pub obstacle: usize,
     /// How far both moved in between, m.
     pub moved: f32,
+    /// How many steps before the latest one.
+    pub steps: u32,
 }
 
 /// Positions and velocities of the coordinates of M copies: `[coordinates × M]`, one column per

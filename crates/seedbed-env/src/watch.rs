@@ -93,7 +93,12 @@ impl Watch {
         for copy in 0..copies {
             if statuses[copy] == Status::Running && self.faults[copy].is_none() {
                 let fault = self.find(dynamics, observations, copy);
-                self.faults[copy] = fault.map(|fault| (steps[copy] + 1, fault));
+                let steps_ago = match fault {
+                    Some(Fault::Passage(passage)) => passage.steps,
+                    _ => 0,
+                };
+                let step = (steps[copy] + 1).saturating_sub(steps_ago);
+                self.faults[copy] = fault.map(|fault| (step, fault));
             }
         }
     }

@@ -1,5 +1,6 @@
 //! A batch of copies of a task: the class that the environments in Python are made of.
 
+use std::ffi::CString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -8,7 +9,7 @@ use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1,
     PyReadwriteArray, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyIndexError, PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyIndexError, PyRuntimeError, PyRuntimeWarning, PyValueError};
 use pyo3::import_exception;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -66,6 +67,8 @@ pub(crate) struct Batch {
     threads: Threads,
     /// Where bodies usually are; `None` before the first picture.
     bounds: Option<Bounds>,
+    /// Whether a physics warning was given. It is given once.
+    has_warned: bool,
 }
 
 #[pymethods]
@@ -109,6 +112,7 @@ impl Batch {
             )?),
             threads: Threads::new(threads.min(copies))?,
             bounds: None,
+            has_warned: false,
             description,
             task,
         })
@@ -516,7 +520,32 @@ impl Batch {
             group.step(actions, autoreset, rows);
         };
         let threads = &mut self.threads;
-        py.detach(|| guarded(|| threads.for_each(&mut parts, step))?)
+        py.detach(|| guarded(|| threads.for_each(&mut parts, step))?)?;
+        self.warn_of_physics(py)
+    }
+
+    /// Gives the first physics warning as a warning of Python, once.
+    fn warn_of_physics(&mut self, py: Python<'_>) -> PyResult<()> {
+        if self.has_warned {
+            return Ok(());
+        }
+        let groups = exclusive(&mut self.groups).iter();
+        let mut found = groups.filter_map(|group| {
+            let (copy, episode, warning) = group.physics_warning.as_ref()?;
+            Some((group.first_copy + copy, episode, warning))
+        });
+        let Some((copy, episode, warning)) = found.next() else {
+            return Ok(());
+        };
+        let text = format!(
+            "{}: in copy {copy}, episode {episode}, step {}, {}",
+            self.description.spec().name,
+            warning.step,
+            warning.message
+        );
+        let text = CString::new(text).unwrap_or_default();
+        self.has_warned = true;
+        PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 1)
     }
 
     fn write_observations(&mut self, mut observations: &mut [f32]) {

@@ -1,7 +1,7 @@
 //! Copies of a task that one thread steps, with their episodes.
 
 use seedbed_env::random::{Purpose, Stream, stream};
-use seedbed_env::{Environment, GivenStart, Physics, Pose, Status};
+use seedbed_env::{Environment, GivenStart, Physics, PhysicsWarning, Pose, Status};
 
 use super::options::physics_name;
 use super::state::CopyState;
@@ -30,6 +30,10 @@ pub(super) struct Group {
     /// Steps of each copy since its reset.
     steps: Vec<u32>,
     phases: Vec<Phase>,
+    /// Number of resets of each copy.
+    episodes: Vec<u32>,
+    /// The first physics warning, with its copy and the number of the copy's episode, from 0.
+    pub(super) physics_warning: Option<(usize, u32, PhysicsWarning)>,
     /// The copies that are reset in the current step; memory that is used again in each step.
     resets: Vec<usize>,
 }
@@ -71,6 +75,8 @@ impl Group {
             streams: vec![None; copies],
             steps: vec![0; copies],
             phases: vec![Phase::Idle; copies],
+            episodes: vec![0; copies],
+            physics_warning: None,
             resets: Vec::with_capacity(copies),
             environment,
         }
@@ -101,6 +107,7 @@ impl Group {
                 Some(start) => self.environment.reset_at(copy, stream, start),
                 None => self.environment.reset(copy, stream),
             }
+            self.episodes[copy] += 1;
             (self.steps[copy], self.phases[copy]) = (0, Phase::Running);
         }
     }
@@ -108,6 +115,9 @@ impl Group {
     /// Advances all copies by one step. `actions`: `[copies × action width]`
     pub(super) fn step(&mut self, actions: &[f32], autoreset: Autoreset, rows: &mut Rows<'_>) {
         self.environment.step(actions);
+        if self.physics_warning.is_none() {
+            self.physics_warning = self.find_physics_warning();
+        }
         self.resets.clear();
         self.write_results(autoreset, rows);
         let resets = std::mem::take(&mut self.resets);
@@ -121,6 +131,13 @@ impl Group {
         }
         self.resets = resets;
         self.write_observations(rows.observations);
+    }
+
+    fn find_physics_warning(&self) -> Option<(usize, u32, PhysicsWarning)> {
+        (0..self.copies()).find_map(|copy| {
+            let warning = self.environment.physics_warning(copy)?;
+            Some((copy, self.episodes[copy].saturating_sub(1), warning))
+        })
     }
 
     /// Writes rewards and ends of the latest step, and lists the copies to be reset.

@@ -128,6 +128,12 @@ impl LoadedRun {
         } else {
             None
         };
+        let mut warnings = warnings(recording.as_ref(), &checksums);
+        warnings.extend(
+            summary
+                .as_ref()
+                .and_then(|summary| summary.physics_warning.clone()),
+        );
         Ok(Self {
             path: if path.is_file() {
                 path.to_owned()
@@ -139,7 +145,7 @@ impl LoadedRun {
             episodes: read_table(&checksums, &episodes, has_tables)?,
             rounds: read_table(&checksums, &rounds, has_tables)?,
             folder: has_tables.then_some(folder),
-            warnings: warnings(recording.as_ref(), &checksums),
+            warnings,
             recording,
         })
     }

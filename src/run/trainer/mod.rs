@@ -14,6 +14,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 pub(super) use self::from_scenario::shares_rapier_world;
 use super::agreement;
 use super::asynchronous::{AsyncConfig, AsyncRollout};
+use super::episode_warning::EpisodeWarning;
 use super::measures::{Measures, RoundRows};
 use super::ranks::Ranks;
 use super::remote_steps::RemoteRounds;
@@ -48,6 +49,8 @@ pub struct Trainer {
     /// round.
     rollout: Option<AsyncRollout>,
     measures: Measures,
+    /// The first physics warning of the run.
+    physics_warning: Option<EpisodeWarning>,
     round: u32,
     is_done: bool,
     /// `None` with a single thread: a pool of one thread would only pass work back and forth, and a
@@ -241,6 +244,7 @@ impl Trainer {
             rollout: None,
             groups: Vec::new(),
             team,
+            physics_warning: None,
             round: 0,
             is_done: false,
             pool: needs_pool.then(|| thread_pool(threads)),
@@ -309,6 +313,7 @@ impl Trainer {
     /// An observation, a reward or a network's parameters are not finite.
     pub(super) fn finish_round(&mut self, round: GroupRound<'_>) -> Result<Round, Diverged> {
         let played = rollout::collect_episodes([round]);
+        self.note_warnings(played.warnings);
         let updates = self.learn_from(played.episodes.into())?;
         Ok(self.measure_round(updates, played.body_trajectories))
     }
@@ -389,18 +394,31 @@ impl Trainer {
         };
         let (workers, ranks) = (Workers::new(self.pool.as_ref()), self.settings.ranks);
         let (groups, team) = (&mut self.groups, &mut *self.team);
-        let (episodes, bodies) = if team.transition_interval().is_some() {
+        let (episodes, bodies, warnings) = if team.transition_interval().is_some() {
             let played = rollout::play_and_report(groups, team, &plan, workers, ranks);
-            (played.episodes.into(), played.body_trajectories)
+            (
+                played.episodes.into(),
+                played.body_trajectories,
+                played.warnings,
+            )
         } else {
             let played = rollout::play(groups, team, &plan, workers);
             let needs_first = self.settings.has_intrinsic_rewards;
             let shared =
                 shared_episodes::share(played.episodes, team, self.round, needs_first, ranks);
-            (shared, played.body_trajectories)
+            (shared, played.body_trajectories, played.warnings)
         };
+        self.note_warnings(warnings);
         let updates = self.learn_from(episodes)?;
         Ok((updates, ranks.gather_lists(bodies)))
+    }
+
+    /// Keeps the first physics warning of the run.
+    fn note_warnings(&mut self, warnings: Vec<EpisodeWarning>) {
+        let warnings = self.ranks().gather_lists(warnings);
+        if self.physics_warning.is_none() {
+            self.physics_warning = warnings.into_iter().min();
+        }
     }
 
     /// All agents learn from the episodes of a round.
@@ -468,6 +486,7 @@ impl Trainer {
             if ended.episodes.is_empty() {
                 break;
             }
+            self.note_warnings(ended.warnings);
             let agents: Vec<u32> = ended.episodes.iter().map(|episode| episode.agent).collect();
             self.add_to_buffer(ended.episodes.into())?;
             body_trajectories.extend(ended.body_trajectories);
@@ -628,6 +647,12 @@ impl Trainer {
     #[must_use]
     pub fn newest_episodes(&self) -> Vec<&Episode> {
         newest_episodes(&self.buffer, self.episodes_before_round)
+    }
+
+    /// The first thing in the run that the physics of its task cannot have computed well.
+    #[must_use]
+    pub fn physics_warning(&self) -> Option<&EpisodeWarning> {
+        self.physics_warning.as_ref()
     }
 
     /// The measures of the run so far.

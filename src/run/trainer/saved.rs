@@ -46,7 +46,11 @@ impl Trainer {
             rollout: &self.rollout,
             measures: &self.measures,
         };
-        postcard::to_stdvec(&saved).expect("plain data always serializes")
+        let bytes = postcard::to_stdvec(&saved).expect("plain data always serializes");
+        // Behind everything else: checkpoints of earlier versions end here.
+        self.physics_warning.iter().fold(bytes, |bytes, warning| {
+            postcard::to_extend(warning, bytes).expect("plain data always serializes")
+        })
     }
 
     /// Restores the state that [`save`](Self::save) wrote. Results after that are bit-identical to
@@ -56,8 +60,14 @@ impl Trainer {
     /// # Errors
     /// The bytes are damaged or belong to another scenario.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<SharedBuffer, Option<AsyncRollout>, Measures> =
-            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        type SavedTrainer = Saved<SharedBuffer, Option<AsyncRollout>, Measures>;
+        let (saved, rest): (SavedTrainer, &[u8]) =
+            postcard::take_from_bytes(bytes).map_err(|error| error.to_string())?;
+        self.physics_warning = if rest.is_empty() {
+            None
+        } else {
+            Some(postcard::from_bytes(rest).map_err(|error| error.to_string())?)
+        };
         self.restore_copies(&saved.copies)?;
         self.team.restore(&saved.team)?;
         self.buffer = saved.buffer;

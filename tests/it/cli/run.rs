@@ -497,3 +497,55 @@ fn a_closed_pipe_is_not_an_error() {
     assert_eq!(stderr(&output), "");
     assert!(stdout(&output).starts_with("Environments ("), "{output:?}");
 }
+
+/// A wheel whose moment of inertia is far too small for its motor: 1 N m / 1e-9 kg m² × 0.02 s are 2e7
+/// rad/s, and one turn per substep of 5 ms is 1257 rad/s.
+const SPINNING: &str = r#"Environment(
+    description: "A wheel.", gravity: (0.0, 0.0), control_step: 0.02, time_limit: 20,
+    bodies: [(name: "wheel", mass: 1.0, inertia: 1e-9)],
+    joints: [(name: "axle", parent: "world", child: "wheel", type: Hinge())],
+    actuators: [(name: "torque", type: JointForce("axle"), control: Discrete([-1.0, 1.0]))],
+    sensors: [(name: "angle", type: JointPosition("axle"))],
+    observations: [(name: "side", value: "cos(angle)", range: (-1.0, 1.0))],
+    reward: "side",
+)"#;
+
+#[test]
+fn physics_beyond_its_range_is_reported_once_and_kept_in_the_summary() {
+    let folder = tempfile::tempdir().unwrap();
+    let task = folder.path().join("wheel.ron");
+    std::fs::write(&task, SPINNING).unwrap();
+    let scenario = folder.path().join("spin.ron");
+    let text = r#"Scenario(environment: "wheel.ron", agents: (count: 2), algorithm: Random, stop: Episodes(3))"#;
+    std::fs::write(&scenario, text).unwrap();
+    let out = folder.path().join("run");
+    let [task, scenario, out] = [&task, &scenario, &out].map(|path| path.to_str().unwrap());
+    let run = seedbed(&["run", scenario, "--out", out, "--no-recording", "--quiet"]);
+    assert!(run.status.success(), "{}", stderr(&run));
+    let begin = "agent 0, episode 0, step 1: the velocity of `axle` is ";
+    let end = "2.0e7 rad/s, more than 1256.6371 rad/s: the physics cannot compute it; check masses, inertias, \
+               stiffness, gears and `control_step`, or raise `solver.iterations`";
+    let printed = stderr(&run);
+    assert!(
+        printed.starts_with(&format!("warning: {begin}")) && printed.contains(end),
+        "{printed}"
+    );
+    assert_eq!(printed.matches("warning").count(), 1, "{printed}");
+    let summary = std::fs::read_to_string(Path::new(out).join("summary.json")).unwrap();
+    assert!(
+        summary.contains(&format!("\"physics_warning\": \"{begin}")),
+        "{summary}"
+    );
+    let inspected = seedbed(&["inspect", out]);
+    assert!(
+        stderr(&inspected).starts_with(&format!("warning: {begin}")),
+        "{}",
+        stderr(&inspected)
+    );
+    for arguments in [vec!["check", task], vec!["check", scenario]] {
+        let printed = stdout(&seedbed(&arguments));
+        let found =
+            "with all actions at their minimum, in step 1, the velocity of `axle` is -2.0e7 rad/s";
+        assert!(printed.contains(found), "{printed}");
+    }
+}

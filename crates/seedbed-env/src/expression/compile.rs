@@ -384,10 +384,13 @@ fn check_constants(
             );
             Some((1, message))
         }
-        (Operation::Divide, [_, Value::Constant(0.0)]) => Some((1, "a division by 0".to_owned())),
-        (Operation::Remainder, [_, Value::Constant(0.0)]) => {
-            Some((1, "the remainder of a division by 0".to_owned()))
+        (Operation::Divide, [_, Value::Constant(0.0)]) => {
+            Some((1, "division by 0: expected another number".to_owned()))
         }
+        (Operation::Remainder, [_, Value::Constant(0.0)]) => Some((
+            1,
+            "remainder of a division by 0: expected another number".to_owned(),
+        )),
         _ => None,
     };
     fault.map_or(Ok(()), |(argument, message)| {

@@ -145,13 +145,15 @@ impl<const MIN: usize> Points<MIN> {
             .collect()
     }
 
-    /// Index of the first point, from 0, that the next one repeats.
-    fn repeated(&self) -> Option<usize> {
+    /// The first point that the next one repeats.
+    fn repeated(&self) -> Option<[f32; 2]> {
         let points = self.get();
-        points.array_windows().position(|[one, next]| {
+        let mut neighbors = points.array_windows();
+        let repeated = neighbors.find(|[one, next]| {
             let [x, y] = [0, 1].map(|axis| f64::from(next[axis]) - f64::from(one[axis]));
             x.hypot(y) < NEAREST
-        })
+        });
+        repeated.map(|[one, _]| *one)
     }
 }
 
@@ -275,10 +277,9 @@ fn check_geom(body: Option<usize>, collider: &Collider) -> Result<(), Validation
                 .error("the points of a convex collider must not all lie on one line"));
         }
         Geom::Polyline(points) => {
-            if let Some(index) = points.repeated() {
+            if let Some([x, y]) = points.repeated() {
                 return Err(collider.geom.error(format!(
-                    "points {index} and {} of the line are the same in single precision: remove one of them",
-                    index + 1
+                    "two neighboring points of the line are at ({x:?}, {y:?}) in single precision: remove one of them"
                 )));
             }
         }

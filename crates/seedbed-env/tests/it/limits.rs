@@ -75,28 +75,127 @@ fn error_after(task: &BodyTask, seconds: f64) -> f64 {
     (found[0] - exact[0]).abs().max((found[1] - exact[1]).abs())
 }
 
+/// From the ratio on that `parameters.rs` says, the error of a double pendulum grows; the number of
+/// iterations that the warning names removes it. The reference is the classic Runge–Kutta method.
 #[test]
-#[ignore = "a measurement"]
-fn measure_mass_ratios() {
-    for (name, fields) in [
-        ("impulse", ""),
+fn large_ratios_of_masses_are_reported_with_what_mends_them() {
+    let usual = double_pendulum(1.0, 10.0, "(iterations: 4)", "");
+    assert!(error_after(&usual, 1.0) < 0.006);
+    assert_eq!(physics_warnings(&usual.into(), Physics::Rapier), [""; 0]);
+    let heavy = double_pendulum(1.0, 100.0, "(iterations: 4)", "");
+    assert!(error_after(&heavy, 1.0) > 0.1);
+    assert_eq!(
+        physics_warnings(&heavy.into(), Physics::Rapier),
+        [
+            "joint `second` holds 100 times the mass of body `upper`: with this solver joints yield from a ratio of 10 on \
+             (a double pendulum is off by 0.06 rad after 1 s at 3 times that); expected `solver: (iterations: 19, …)`, or \
+             more `passes`"
+        ]
+    );
+    let mended = double_pendulum(1.0, 100.0, "(iterations: 19)", "");
+    assert!(error_after(&mended, 1.0) < 0.006);
+    assert_eq!(physics_warnings(&mended.into(), Physics::Rapier), [""; 0]);
+    let exact = r#"colliders: [(geom: Ball(center: (90.0, 0.0), radius: 1.0))],"#;
+    let with_contacts = double_pendulum(1.0, 1000.0, "(iterations: 4)", exact);
+    assert!(error_after(&with_contacts, 1.0) < 0.03);
+    assert_eq!(
+        physics_warnings(&with_contacts.into(), Physics::Rapier),
+        [""; 0]
+    );
+}
+
+/// Bodies with moments of inertia of 1e-7 m r² move as points do; smaller ones are lost beside the mass. The
+/// reference is the same task with joints of multibodies, whose accelerations do not depend on them.
+#[test]
+fn small_inertias_are_reported() {
+    let angles = |inertia: f64, fields: &str| {
+        let mut task = double_pendulum(1.0, 1.0, "(iterations: 4)", fields);
+        task.bodies
+            .iter_mut()
+            .for_each(|body| body.inertial.inertia = inertia);
+        let mut bodies = build_dynamics(&task, Physics::Rapier, 1).unwrap();
+        bodies.start(0, &[0.5, 0.3], &[0.0, 0.0]);
+        (0..50).for_each(|_| bodies.step(&[]));
+        let warnings = physics_warnings(&task.into(), Physics::Rapier);
         (
-            "multibody",
-            r#"colliders: [(geom: Ball(center: (90.0, 0.0), radius: 1.0))],"#,
-        ),
-    ] {
-        for (substeps, passes) in [(4, 1), (4, 4), (4, 16), (16, 1), (16, 4), (16, 16), (64, 4)] {
-            let mut row = String::new();
-            for ratio in [
-                0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0, 1e4, 1e6,
-            ] {
-                let solver = format!("(iterations: {substeps}, passes: {passes})");
-                let task = double_pendulum(1.0, ratio, &solver, fields);
-                row += &format!(" {ratio}: {:.4}", error_after(&task, 1.0));
-            }
-            println!("{name} {substeps} {passes}:{row}");
-        }
-    }
+            [0, 1].map(|joint| bodies.coordinates().get(joint, 0).0),
+            warnings,
+        )
+    };
+    let with_contacts = r#"colliders: [(geom: Ball(center: (90.0, 0.0), radius: 1.0))],"#;
+    let (exact, none) = angles(1e-12, with_contacts);
+    let (near, none_either) = angles(1e-7, "");
+    let (far, warnings) = angles(1e-12, "");
+    let error = |angles: [f32; 2]| {
+        (angles[0] - exact[0])
+            .abs()
+            .max((angles[1] - exact[1]).abs())
+    };
+    assert!(
+        error(near) < 1e-3 && error(far) > 1.0,
+        "{near:?}, {far:?}, {exact:?}"
+    );
+    assert_eq!((none, none_either), (Vec::new(), Vec::new()));
+    assert_eq!(
+        warnings[0],
+        "the inertia of body `upper`, 1.0e-12 kg m², is lost in single precision beside its mass at that distance from \
+         joint `first`: expected at least 1.0e-8 kg m²"
+    );
+}
+
+/// The first warning of a task of `envs/` in which a text is replaced.
+fn changed(name: &str, from: &str, to: &str) -> String {
+    let path = repository().join("envs").join(name);
+    let text = std::fs::read_to_string(path).unwrap();
+    assert!(text.contains(from), "{name} has no {from}");
+    let description = parse("changed", "changed", text.replacen(from, to, 1)).unwrap();
+    let warnings = physics_warnings(&description, Physics::Rapier);
+    warnings.join("\n")
+}
+
+#[test]
+fn motion_that_explodes_is_reported_with_its_place() {
+    let warning = changed("cartpole_gym.ron", "inertia: ", "inertia: 1e-30, // ");
+    assert!(
+        warning.contains("the inertia of body `pole`, 1.0e-30 kg m², is lost in single precision"),
+        "{warning}"
+    );
+    let warning = changed("cheetah.ron", "control_step: 0.05", "control_step: 10");
+    assert!(warning.contains("has a period of"), "{warning}");
+    assert!(
+        warning.contains("with all actions at their minimum, in step 1, the velocity of"),
+        "{warning}"
+    );
+    assert!(
+        warning.contains("the physics cannot compute it; check masses"),
+        "{warning}"
+    );
+}
+
+#[test]
+fn a_spring_that_is_too_stiff_for_the_substeps_is_reported() {
+    let spring = |fields: &str| {
+        let text = format!(
+            r#"Environment(
+            description: "A test.", gravity: (0.0, 0.0), control_step: 0.02, time_limit: 100,
+            bodies: [(name: "bead", mass: 1.0, inertia: 1.0)],
+            joints: [(name: "rail", parent: "world", child: "bead", type: Slide(axis: (1.0, 0.0)), {fields})],
+            actuators: [], sensors: [], observations: [], reward: "0",
+        )"#
+        );
+        physics_warnings(&parse_bodies("spring", text).into(), Physics::Rapier)
+    };
+    // √(k / m) times the substep of 5 ms: 0.1, and 1.
+    assert_eq!(spring("stiffness: 400.0"), [""; 0]);
+    assert_eq!(
+        spring("stiffness: 40000.0"),
+        [
+            "the spring of joint `rail` has a period of 3.14e-2 s, too fast for substeps of 5.00e-3 s, which damp it away: \
+             expected 2 times as many `solver.iterations`, or a shorter `control_step`"
+        ]
+    );
+    // An overdamped one does not swing anyway.
+    assert_eq!(spring("stiffness: 40000.0, damping: 400.0"), [""; 0]);
 }
 
 /// No task in `envs/` has a warning.
@@ -220,20 +319,12 @@ fn whoever_passes_a_wall_is_reported_and_ccd_keeps_it_out() {
             }
         }
     }
-    println!(
-        "{passed} passed; silent {}, false {}, leaks {}",
-        silent.len(),
-        false_alarms.len(),
-        leaks.len()
-    );
-    for list in [&silent, &false_alarms, &leaks] {
-        println!(
-            "{}\n",
-            list.iter().take(12).cloned().collect::<Vec<_>>().join("\n")
-        );
-    }
     assert!(passed > 100);
-    assert!(silent.is_empty());
+    let none: [String; 0] = [];
+    assert_eq!(
+        (&silent[..], &false_alarms[..], &leaks[..]),
+        (&none[..], &none[..], &none[..])
+    );
 }
 
 const SHAPES: &str = r#"Environment(
@@ -270,7 +361,7 @@ fn number(random: &mut Stream) -> String {
         "1.1754944e-38",
         "123456.78",
     ];
-    let list: &[&str] = if random.random_bool(0.6) {
+    let list: &[&str] = if random.random_bool(0.94) {
         &usual
     } else {
         &unusual
@@ -313,7 +404,7 @@ fn degenerate_shapes_never_panic() {
     let seed = std::env::var("SEEDBED_FUZZ_SEED").map_or(1, |seed| seed.parse().unwrap());
     let count = std::env::var("SEEDBED_FUZZ_COUNT").map_or(3000, |count| count.parse().unwrap());
     let mut random = stream(seed, Purpose::Trial, 1, 0);
-    let (mut accepted, mut failing) = (0, 0);
+    let mut accepted = 0;
     for _ in 0..count {
         let mut text = SHAPES
             .replace("WORLD", &geom(&mut random))
@@ -336,13 +427,10 @@ fn degenerate_shapes_never_panic() {
                     .iter()
                     .find(|warning| warning.contains("engine fails"))
                 {
-                    failing += 1;
-                    println!("{failure}\n{text}");
+                    panic!("{failure}\n{text}");
                 }
             }
         }
     }
-    println!("{accepted} of {count} accepted, {failing} fail");
     assert!(accepted > count / 100, "{accepted}");
-    assert_eq!(failing, 0);
 }

@@ -12,6 +12,18 @@ use crate::Shape;
 use crate::description::{self, BodyTask, Surface};
 use crate::dynamics::Passage;
 
+/// A core that has entered an obstacle or crossed its line. It counts as a passage if it is found behind
+/// it in a later step: contacts may push it back, and a crash may end the episode.
+#[derive(Clone, Copy)]
+pub(super) struct Suspect {
+    pair: Pair,
+    /// The mover's pose before, in the obstacle's frame.
+    before: Pose,
+    moved: f32,
+    /// Number of control steps since.
+    steps: u32,
+}
+
 /// Which surfaces could pass which.
 pub(super) struct PassageWatch {
     /// `[colliders]`
@@ -23,7 +35,7 @@ struct WatchedSurface {
     /// Its body's handle, and its pose in the body's frame; `None` of the body if it is fixed.
     body: Option<RigidBodyHandle>,
     pose: Pose,
-    /// Points inside the shape, in the shape's frame.
+    /// Points inside the shape, in the shape's frame, its center first.
     core: Vec<Vector>,
     /// Distance of the core from the surface, m: a core that moves less than that has touched a surface
     /// before it passes it.
@@ -82,14 +94,14 @@ impl PassageWatch {
         }
     }
 
-    /// The first surface that has been passed since [`begin`](Self::begin).
+    /// The first surface that may have been passed since [`begin`](Self::begin).
     pub(super) fn find(
         &self,
         template: &WorldTemplate,
         bodies: &RigidBodySet,
         colliders: &ColliderSet,
         buffer: &mut [(Pose, f32)],
-    ) -> Option<Passage> {
+    ) -> Option<Suspect> {
         if self.pairs.is_empty() {
             return None;
         }
@@ -100,34 +112,74 @@ impl PassageWatch {
             let moved = buffer[pair.mover].1 + buffer[pair.obstacle].1;
             moved > self.surfaces[pair.mover].depth
         });
-        let mut passed = suspects.filter(|pair| {
+        let mut entered = suspects.filter_map(|pair| {
             let obstacle = &colliders[template.collider_handles[pair.obstacle]];
-            self.has_passed(**pair, obstacle, bodies, buffer)
+            let before = self.before_entering(*pair, obstacle, bodies, buffer)?;
+            Some(Suspect {
+                pair: *pair,
+                before,
+                moved: buffer[pair.mover].1 + buffer[pair.obstacle].1,
+                steps: 0,
+            })
         });
-        passed.next().map(|pair| Passage {
-            mover: pair.mover,
-            obstacle: pair.obstacle,
-            moved: buffer[pair.mover].1 + buffer[pair.obstacle].1,
-        })
+        entered.next()
     }
 
-    /// Whether a point of the mover's core has entered the obstacle or crossed its line, as the obstacle
-    /// sees it.
-    fn has_passed(
+    /// Looks at a suspect again in a later control step: the passage if the center of its core is behind
+    /// the obstacle. The suspect is removed unless a part of it is still inside or behind.
+    pub(super) fn confirm(
+        &self,
+        suspect: &mut Option<Suspect>,
+        template: &WorldTemplate,
+        bodies: &RigidBodySet,
+        colliders: &ColliderSet,
+    ) -> Option<Passage> {
+        let found = suspect.as_mut()?;
+        found.steps += 1;
+        let Pair { mover, obstacle } = found.pair;
+        let collider = &colliders[template.collider_handles[obstacle]];
+        let [moving, other] = [mover, obstacle].map(|index| &self.surfaces[index]);
+        let relative = other.pose_in(bodies).inverse() * moving.pose_in(bodies);
+        let is_line = collider.shape().as_polyline().is_some();
+        let is_behind = |point: Vector| {
+            let end = relative * point;
+            // Parry's lines contain what is behind them.
+            let is_inside = !is_line && collider.shape().contains_local_point(end);
+            !is_inside && crosses(found.before * point, end, collider)
+        };
+        let touches = |point: &Vector| {
+            is_behind(*point)
+                || (!is_line && collider.shape().contains_local_point(relative * *point))
+        };
+        let passage = Passage {
+            mover,
+            obstacle,
+            moved: found.moved,
+            steps: found.steps,
+        };
+        let has_passed = is_behind(moving.core[0]);
+        if has_passed || !moving.core.iter().any(touches) {
+            *suspect = None;
+        }
+        has_passed.then_some(passage)
+    }
+
+    /// The mover's pose before, in the obstacle's frame, if a point of its core has entered the obstacle or
+    /// crossed its line.
+    fn before_entering(
         &self,
         pair: Pair,
         obstacle: &Collider,
         bodies: &RigidBodySet,
         buffer: &[(Pose, f32)],
-    ) -> bool {
+    ) -> Option<Pose> {
         let [mover, other] = [pair.mover, pair.obstacle].map(|index| &self.surfaces[index]);
         let relative = |mover: Pose, obstacle: Pose| obstacle.inverse() * mover;
         let before = relative(buffer[pair.mover].0, buffer[pair.obstacle].0);
         let after = relative(mover.pose_in(bodies), other.pose_in(bodies));
-        mover
-            .core
-            .iter()
-            .any(|&point| crosses(before * point, after * point, obstacle))
+        let mut core = mover.core.iter();
+        core.any(|point| crosses(before * *point, after * *point, obstacle))
+            .then_some(before)
     }
 }
 
@@ -166,8 +218,8 @@ fn crosses(start: Vector, end: Vector, obstacle: &Collider) -> bool {
     !shape.contains_local_point(start) && shape.intersects_local_ray(&ray, 1.0)
 }
 
-/// Points inside a shape, in Parry's frame of the shape, and their distance from its surface. Lines and
-/// half-spaces have none.
+/// Points inside a shape, its center first, in Parry's frame of the shape, and their distance from its
+/// surface. Lines and half-spaces have none.
 fn core_of(surface: &Surface) -> (Vec<Vector>, f32) {
     match surface {
         Surface::Shape(Shape::Ball { radius, .. }) => (vec![Vector::ZERO], *radius),
@@ -181,7 +233,7 @@ fn core_of(surface: &Surface) -> (Vec<Vector>, f32) {
             let corner = |right: f32, up: f32| Vector::new(right * x, up * y) / 2.0;
             let corners = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)];
             let corners = corners.map(|(right, up)| corner(right, up));
-            let core = corners.into_iter().chain([Vector::ZERO]).collect();
+            let core = [Vector::ZERO].into_iter().chain(corners).collect();
             (core, x.min(*y) / 2.0)
         }
         Surface::Shape(Shape::Polygon(corners)) => core_of_polygon(corners),
@@ -191,13 +243,13 @@ fn core_of(surface: &Surface) -> (Vec<Vector>, f32) {
     }
 }
 
-/// The corners half way to their mean, and the mean.
+/// The mean of the corners, and the corners half way to it.
 fn core_of_polygon(corners: &[[f32; 2]]) -> (Vec<Vector>, f32) {
     let hull = super::super::geometry::convex_hull(corners);
     let corners: Vec<_> = corners.iter().copied().map(Vector::from_array).collect();
     let center = corners.iter().sum::<Vector>() / corners.len() as f32;
     let half_way = corners.iter().map(|corner| (*corner + center) / 2.0);
-    let core: Vec<_> = half_way.chain([center]).collect();
+    let core: Vec<_> = [center].into_iter().chain(half_way).collect();
     let depths = core
         .iter()
         .map(|&point| hull.distance_to_local_point(point, false));
@@ -206,7 +258,7 @@ fn core_of_polygon(corners: &[[f32; 2]]) -> (Vec<Vector>, f32) {
     (core, depth.max(0.0))
 }
 
-/// Whether a collider with a core and a surface, which can touch, are watched. A half-space cannot be
+/// Whether a collider of a body and a surface, which can touch, are watched. A half-space cannot be
 /// passed: whatever is in it is pushed out to the right side.
 fn is_watched(Pair { mover, obstacle }: Pair, task: &BodyTask) -> bool {
     let [one, other] = [mover, obstacle].map(|index| &task.colliders[index]);
@@ -215,6 +267,7 @@ fn is_watched(Pair { mover, obstacle }: Pair, task: &BodyTask) -> bool {
     };
     let has_core = !core_of(&one.surface).0.is_empty();
     has_core
+        && one.body.is_some()
         && one.body != other.body
         && !matches!(other.surface, Surface::HalfSpace { .. })
         && (touches(one, other) || touches(other, one))

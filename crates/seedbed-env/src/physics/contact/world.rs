@@ -13,6 +13,7 @@ use super::super::turns::MAX_TURN_PER_SUBSTEP;
 use super::super::vector;
 use super::build::WorldTemplate;
 use super::link::Root;
+use super::passage::Suspect;
 use crate::dynamics::{CoordinateColumns, Passage};
 use crate::kinematics::Frame;
 use crate::{Force, ForceSource, caught_panic};
@@ -33,6 +34,9 @@ pub(super) struct World {
     /// The first surface that was passed in the latest step.
     #[serde(skip)]
     pub(super) passage: Option<Passage>,
+    /// What may have passed a surface.
+    #[serde(skip)]
+    suspect: Option<Suspect>,
     /// Where surfaces were before a contact update; memory that is used again in each.
     #[serde(skip)]
     surfaces_before: Vec<(Pose, f32)>,
@@ -86,6 +90,7 @@ impl World {
             turns: Vec::new(),
             live: false,
             passage: None,
+            suspect: None,
             surfaces_before: template.passage_watch.buffer(),
         }
     }
@@ -108,6 +113,7 @@ impl World {
         positions: &[f64],
         velocities: &[f64],
     ) -> bool {
+        (self.passage, self.suspect) = (None, None);
         // Rapier's limits panic where numbers are not finite.
         let placed = caught_panic(|| self.place(template, frames, positions, velocities));
         self.live = placed.is_ok() && self.terrains.iter().all(|(_, shape)| shape.is_some());
@@ -212,8 +218,8 @@ impl World {
     ) -> bool {
         self.turns.clear();
         self.turns.resize(template.roots.len(), FreeTurn::default());
-        self.passage = None;
         let watch = &template.passage_watch;
+        let earlier = self.suspect.is_some();
         // A restored world has none.
         self.surfaces_before
             .resize(template.collider_handles.len(), (Pose::IDENTITY, 0.0));
@@ -231,9 +237,18 @@ impl World {
                 bodies, colliders, ..
             } = &self.simulation;
             let before = &mut self.surfaces_before;
-            let passage = watch.find(template, bodies, colliders, before);
-            self.passage = self.passage.or(passage);
+            if self.suspect.is_none() {
+                self.suspect = watch.find(template, bodies, colliders, before);
+            }
         }
+        let PhysicsWorld {
+            bodies, colliders, ..
+        } = &self.simulation;
+        self.passage = if earlier {
+            watch.confirm(&mut self.suspect, template, bodies, colliders)
+        } else {
+            None
+        };
         true
     }
 
