@@ -75,7 +75,9 @@ impl Replacement {
             return Ok(());
         };
         file.as_file().sync_all()?;
-        rename(file.into_temp_path(), &self.target)?;
+        // The file is locked until it has its name.
+        let (_locked, path) = file.into_parts();
+        rename(path, &self.target)?;
         sync_folder_of(&self.target)
     }
 }
@@ -87,7 +89,7 @@ impl Replacement {
 /// The operating system reports an error.
 pub fn keep_as(path: &Path, second_name: &Path) -> Result<()> {
     let link = temporary_file_beside(second_name)?.into_temp_path();
-    fs::remove_file(&link)?;
+    remove_if_exists(&link)?;
     if fs::hard_link(path, &link).is_err() {
         // Some file systems have no hard links.
         fs::copy(path, &link)?;
@@ -264,7 +266,11 @@ mod tests {
             for thread in 0..16_u8 {
                 let path = &path;
                 scope.spawn(move || {
-                    (0..20).for_each(|_| replace(path, &[thread; 4096]).unwrap());
+                    for _ in 0..20 {
+                        replace(path, &[thread; 4096]).unwrap();
+                        // Takes no file of another thread for abandoned.
+                        remove_abandoned_of(path);
+                    }
                 });
             }
         });

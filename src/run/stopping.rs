@@ -84,3 +84,49 @@ impl RoundDurations {
         self.latest = Some(start.elapsed());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicU32;
+
+    use super::*;
+    use seedbed_learn::cancellation::cancellation_point;
+    use seedbed_learn::team::Workers;
+
+    /// Work without an end stops on all threads, after the time in which it could have ended.
+    #[test]
+    fn endless_work_is_cancelled_after_the_grace() {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(2)
+            .build()
+            .unwrap();
+        for workers in [Workers::CURRENT_THREAD, Workers::new(Some(&pool))] {
+            let (interrupted, ended) = (AtomicBool::new(false), AtomicU32::new(0));
+            let start = Instant::now();
+            let result = with_grace(&interrupted, |cancellation| {
+                cancellation.run(|| {
+                    workers.for_each(&mut [0; 4], |_| {
+                        interrupted.store(true, Ordering::Relaxed);
+                        loop {
+                            cancellation_point();
+                        }
+                    });
+                    ended.fetch_add(1, Ordering::Relaxed);
+                })
+            });
+            assert_eq!((result, ended.into_inner()), (None, 0));
+            assert!(start.elapsed() >= GRACE);
+        }
+    }
+
+    #[test]
+    fn short_work_ends_by_itself_after_an_interruption() {
+        let interrupted = AtomicBool::new(true);
+        let work = || {
+            cancellation_point();
+            7
+        };
+        let result = with_grace(&interrupted, |cancellation| cancellation.run(work));
+        assert_eq!(result, Some(7));
+    }
+}

@@ -319,6 +319,11 @@ fn an_edited_lock_is_refused_and_another_build_is_reported() {
         error.contains("this lock was changed after it was made"),
         "{error}"
     );
+    for no_lock in [&b"{"[..], b"no JSON", b"\xff\xfe", b"[]"] {
+        fs::write(&lock, no_lock).unwrap();
+        let error = fixture.refusal();
+        assert!(error.contains("this is no lock of a study: "), "{error}");
+    }
     // The same in the stored results: the report says so, and gives no verdict.
     let manifest = fixture.path("out/study.json");
     let text = fs::read_to_string(&manifest).unwrap();

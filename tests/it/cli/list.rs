@@ -50,7 +50,7 @@ fn list_prints_built_in_files_by_name() {
         "{environments}"
     );
     assert!(
-        environments.contains("\n  parking_naive\n"),
+        environments.contains("\n  mistakes/parking_naive\n"),
         "{environments}"
     );
     let scenarios = list_in(folder.path(), "scenarios");

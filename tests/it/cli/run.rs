@@ -328,14 +328,15 @@ fn a_non_finite_reward_ends_the_run() {
     );
 }
 
-/// `log` of a number below 0 is not a number. The reward is finite as long as the cart is near the middle.
+/// `log` of a number below 0 is not a number: the reward is finite until agents have learned to play so
+/// long that the cart leaves the middle.
 /// The state before is kept, although no checkpoint was due, with the bits of a run that ends there.
 #[test]
 fn the_round_before_a_number_that_is_not_finite_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
     let task = std::fs::read_to_string("envs/cartpole.ron").unwrap();
-    let task = task.replace("reward: \"1\"", "reward: \"log(0.2 - abs(theta))\"");
+    let task = task.replace("reward: \"1\"", "reward: \"1 + 0.001 * log(1 - abs(x))\"");
     std::fs::write(folder.path().join("absurd.ron"), &task).unwrap();
     std::fs::write(
         folder.path().join("scenario_of_it.ron"),
@@ -361,7 +362,7 @@ fn the_round_before_a_number_that_is_not_finite_is_kept() {
         .unwrap()
         + 1;
     let place = format!(
-        "check `reward` in {}/envs/absurd.ron:{line}:13: \"log(0.2 - abs(theta))\"\n",
+        "check `reward` in {}/envs/absurd.ron:{line}:13: \"1 + 0.001 * log(1 - abs(x))\"\n",
         path("failed")
     );
     assert!(
@@ -384,6 +385,29 @@ fn the_round_before_a_number_that_is_not_finite_is_kept() {
     let [of_failed, of_short] = evaluations.each_ref().map(crate::util::stdout);
     assert!(of_failed.contains("mean"), "{}", stderr(&evaluations[0]));
     assert_eq!(of_failed, of_short);
+}
+
+/// Agents have nothing to learn from if all returns are the same.
+#[test]
+fn a_run_without_a_signal_says_what_to_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let task = std::fs::read_to_string("envs/cartpole.ron").unwrap();
+    for (reward, hint) in [
+        (
+            "0",
+            "note       all 12 returns are 0: agents had nothing to learn from; docs/learning_problems.md says what to change\n",
+        ),
+        ("1", ""),
+    ] {
+        let text = task.replace("reward: \"1\"", &format!("reward: \"{reward}\""));
+        let (path, out) = (folder.path().join("mine.ron"), folder.path().join(reward));
+        std::fs::write(&path, text).unwrap();
+        let environment = format!("environment={}", path.display());
+        let output = small_run(&out, &["--no-recording", "--set", &environment]);
+        let printed = crate::util::stdout(&output);
+        assert_eq!(printed.contains("note "), !hint.is_empty(), "{printed}");
+        assert!(printed.contains(hint), "{printed}");
+    }
 }
 
 /// What killed processes left is removed when the folder is locked again.

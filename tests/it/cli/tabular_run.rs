@@ -153,7 +153,7 @@ fn ctrl_c_interrupts_a_tabular_run() {
     interrupt(&child);
     let output = child.wait_with_output().unwrap();
     let errors = stderr(&output);
-    assert_eq!(output.status.code(), Some(1), "{errors}");
+    assert_eq!(output.status.code(), Some(130), "{errors}");
     assert!(errors.contains("error: interrupted after "), "{errors}");
     assert!(
         errors.ends_with("this run cannot be resumed, start it again\n"),

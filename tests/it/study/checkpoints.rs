@@ -148,7 +148,7 @@ fn assert_continues_after_term(text: &str, max_episodes: u32) {
         assert_eq!(study.files("checkpoint").len(), 0);
         study.marks() == 1
     });
-    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert_eq!(output.status.code(), Some(143), "{}", stderr(&output));
     assert_eq!(study.files("checkpoint").len(), 1);
     let saved = study.saved_episodes();
     assert!((1..max_episodes).contains(&saved[0]), "{saved:?}");

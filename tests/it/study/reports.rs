@@ -181,10 +181,26 @@ fn report_refuses_a_directory_without_a_study() {
     let folder = tempfile::tempdir().unwrap();
     let refused = seedbed(&["report", folder.path().to_str().unwrap()]);
     assert_eq!(refused.status.code(), Some(2));
-    assert!(
-        stderr(&refused).starts_with("error: not the results of a study: "),
-        "{refused:?}"
-    );
+    let path = folder.path().display();
+    let expected = format!("error: {path}: contains no study: expected study.json in it\n");
+    assert_eq!(stderr(&refused), expected);
+    // The folder of a registered study has the id of its lock in its name.
+    std::fs::create_dir(folder.path().join("mine-1a2b3c")).unwrap();
+    std::fs::write(folder.path().join("mine-1a2b3c/study.json"), "{}").unwrap();
+    for (name, reason) in [
+        ("mine", "no such directory"),
+        (".", "contains no study: expected study.json in it"),
+    ] {
+        let given = folder.path().join(name).display().to_string();
+        let refused = seedbed(&["report", &given]);
+        assert_eq!(refused.status.code(), Some(2));
+        let errors = stderr(&refused);
+        assert!(
+            errors.contains(&format!(": {reason}; did you mean `")),
+            "{errors}"
+        );
+        assert!(errors.ends_with("mine-1a2b3c`?\n"), "{errors}");
+    }
 }
 
 /// The report says how `repeats` was changed after the first runs. Older versions of the program

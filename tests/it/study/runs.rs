@@ -156,7 +156,7 @@ fn ctrl_c_interrupts_the_second_of_two_studies() {
     interrupt(&child);
     let output = child.wait_with_output().unwrap();
     let errors = stderr(&output);
-    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert_eq!(output.status.code(), Some(130), "{output:?}");
     assert!(
         errors.ends_with("interrupted; repeat the command to resume long\n"),
         "{errors}"
