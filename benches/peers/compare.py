@@ -198,7 +198,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=5, help="repetitions of each line (default: 5)")
     parser.add_argument("--seconds", type=float, default=2.0, help="length of a measurement (default: 2)")
     parser.add_argument(
-        "--environments", type=Path, default=Path.home() / ".cache/seedbed/peers",
+        "--environments", type=lambda path: Path(path).absolute(), default=Path.home() / ".cache/seedbed/peers",
         help="folder of the virtual environments (default: ~/.cache/seedbed/peers)",
     )
     arguments = parser.parse_args()

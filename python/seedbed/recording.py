@@ -220,7 +220,7 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
     ) -> tuple[Any, dict[str, Any]]:
         """Start new episodes; see `gymnasium.vector.VectorEnv.reset`."""
         # Gymnasium removes the mask from `options`.
-        mask = options.get("reset_mask") if options else None
+        mask = options.get("reset_mask") if isinstance(options, Mapping) else None
         observations, infos = self.env.reset(seed=seed, options=options)
         self._recorder.start(observations, None if mask is None else np.array(mask))
         return observations, infos

@@ -83,6 +83,8 @@ class VectorEnv(Copyable, gymnasium.vector.VectorEnv[NDArray[np.float32], Any, N
         self.task = as_task(task, run_seed)
         """Description of the task: names, units and ranges."""
         self.autoreset_mode = AutoresetMode(autoreset_mode)
+        if not isinstance(copy, bool):
+            raise TypeError(f"copy is {copy!r}, expected True or False")
         self.copy = copy
         self.num_envs = num_envs
         self._batch = Batch(
