@@ -16,7 +16,7 @@ import struct
 import warnings
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -96,10 +96,20 @@ class Header:
     actions: tuple[Axis, ...]
     time_limit: int | None = None
     step_seconds: float | None = None
+    learner: int | None = None
+    """Number of the learner that acts: copies of an environment may have one. None if the agent is a learner of its own."""
 
     def to_json(self) -> bytes:
         """The header as UTF-8."""
-        return json.dumps(asdict(self), ensure_ascii=False, separators=(",", ":")).encode()
+        fields = asdict(self)
+        if self.learner is None:
+            del fields["learner"]
+        return json.dumps(fields, ensure_ascii=False, separators=(",", ":")).encode()
+
+    @property
+    def learner_number(self) -> int:
+        """Number of the learner."""
+        return self.agent if self.learner is None else self.learner
 
     @classmethod
     def from_json(cls, payload: bytes) -> Header:
@@ -258,8 +268,10 @@ class StateFile:
     def _resume(self) -> int:
         """Remove what follows the last finished episode, and return the size of the file."""
         found = scan(self.path)
-        if found.header != self.header:
-            difference = self.header.difference_from(found.header) or "time limit or step differs"
+        # Files that were begun before learners were recorded have none.
+        known = self.header if found.header.learner is not None else replace(self.header, learner=None)
+        if found.header != known:
+            difference = self.header.difference_from(found.header) or "learner, time limit or step differs"
             raise ValueError(f"{self.path} cannot be resumed: {difference}")
         if found.end < found.size:
             warnings.warn(
@@ -425,16 +437,20 @@ def _table(episodes: Sequence[EpisodeRow]) -> bytes:
 def _summary(folder: Path, scans: Sequence[Scan], episodes: Sequence[EpisodeRow]) -> dict[str, Any]:
     """The results in a few numbers, as `seedbed run` writes them, as far as they are known."""
     agents = max(found.header.agent for found in scans) + 1
-    returns = team_returns(episodes, agents)
-    last = returns[-FINAL_WINDOW:]
-    final_return = math.fsum(last) / len(last) if last else 0.0
+    learners = list(range(agents))
+    for found in scans:
+        learners[found.header.agent] = found.header.learner_number
+    returns = learner_returns(episodes, learners)
+    means = [math.fsum(last) / len(last) for last in (each[-FINAL_WINDOW:] for each in returns) if last]
+    final_return = math.fsum(means) / len(means) if len(means) == len(returns) else 0.0
     return {
         "scenario": folder.resolve().name,
         "environment": scans[0].header.environment,
         "seed": None,
         "agents": agents,
+        "learners": learners,
         "rounds": max((row.episode + 1 for row in episodes), default=0),
-        "episodes_per_agent": len(returns),
+        "episodes_per_agent": min(map(len, returns)),
         "env_steps": sum(row.length for row in episodes),
         "solved_at": None,
         "episodes_until_solved": None,
@@ -442,15 +458,21 @@ def _summary(folder: Path, scans: Sequence[Scan], episodes: Sequence[EpisodeRow]
     }
 
 
-def team_returns(episodes: Sequence[EpisodeRow], agents: int) -> list[float]:
-    """Mean over agents of the return of their n-th episode, for each n that all agents have finished."""
-    by_number: dict[int, list[float]] = {}
+def learner_returns(episodes: Sequence[EpisodeRow], learners: Sequence[int]) -> list[list[float]]:
+    """The returns of each learner, in the order in which its episodes ended.
+
+    Copies of an environment step together: an episode ends after as many steps of its copy as the copy has done.
+
+    Args:
+        episodes: Episodes of all agents; those of each agent are in order.
+        learners: Number of the learner of each agent.
+    """
+    ends = [0] * len(learners)
+    ordered = []
     for row in episodes:
-        by_number.setdefault(row.episode, []).append(row.total_reward)
-    means = []
-    for number in range(len(by_number)):
-        returns = by_number.get(number, [])
-        if len(returns) < agents:
-            break
-        means.append(math.fsum(returns) / agents)
-    return means
+        ends[row.agent] += row.length
+        ordered.append((ends[row.agent], row.agent, row.total_reward))
+    returns: dict[int, list[float]] = {learner: [] for learner in sorted(set(learners))}
+    for _, agent, total_reward in sorted(ordered, key=lambda end: end[:2]):
+        returns[learners[agent]].append(total_reward)
+    return list(returns.values())
