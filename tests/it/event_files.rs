@@ -98,7 +98,7 @@ struct History {
     name: String,
     files: std::collections::BTreeMap<String, String>,
     steps: Vec<u64>,
-    values: Vec<f64>,
+    values: Vec<f32>,
 }
 
 /// Runs with restarts, of which `tests/external/event_files/generate.py` wrote what TensorBoard keeps.
@@ -114,7 +114,11 @@ fn restarts_are_those_of_tensorboard() {
             fs::write(run.0.path().join("run").join(name), bytes.unwrap()).unwrap();
         }
         let (result, _) = read(run.0.path()).unwrap();
-        assert_eq!(result.returns[0], history.values, "{}", history.name);
+        let values: Vec<f32> = result.returns[0]
+            .iter()
+            .map(|value| *value as f32)
+            .collect();
+        assert_eq!(values, history.values, "{}", history.name);
         let last = history.steps.last().copied().unwrap_or(0);
         assert_eq!(result.env_steps, last, "{}", history.name);
     }
