@@ -80,6 +80,8 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
             observations can be flattened with `gymnasium.wrappers.FlattenObservation` first.
         folder: Folder of the run.
         agent: Number of the agent, from 0.
+        learner: Number of the learner that acts. Give agents the same number if they are copies of an environment in which
+            one learner acts, such as those of a `SubprocVecEnv`: they count as one. By default each agent is a learner.
         names: Name of each observation; by default those of a seedbed task, or `obs_0`, `obs_1`, …
         units: Unit of each observation, or of some by name, such as `{"x": "m"}`.
         ranges: Ends of the axis of each observation, or of some by name, such as `{"x": (-1, 1)}`. By default those
@@ -114,6 +116,7 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         ranges: Ranges = None,
         action_names: Sequence[str] | None = None,
         environment: str | None = None,
+        learner: int | None = None,
         overwrite: bool = False,
         resume: bool = False,
         keep_unfinished: bool | None = None,
@@ -122,7 +125,8 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         task = _task_of(env)
         observations = observation_axes(env.observation_space, task, names, units, ranges)
         actions = action_axes(env.action_space, task, action_names)
-        header = _header(agent, environment or _name_of(env, env.spec), observations, actions, env.spec, env.metadata)
+        name = environment or _name_of(env, env.spec)
+        header = _header(agent, name, observations, actions, env.spec, env.metadata, learner)
         recorders = _Recorders(Path(folder).absolute(), [header], overwrite, resume)
         is_flat = len(env.observation_space.shape or ()) == 1
         self._recorder = _EpisodeRecorder(recorders, _numbers(env.action_space, task), is_flat, keep_unfinished)
@@ -167,13 +171,16 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
 class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
     """Record which states the agents of a vector environment visit.
 
-    Each copy of the environment is an agent; see `RecordVisitation`, whose arguments have the same meaning here.
+    Each copy of the environment is an agent with a file of its own; see `RecordVisitation`, whose arguments have the
+    same meaning here. By default one learner acts in all copies, so that their episodes count as those of one.
     Steps that only reset a copy (`AutoresetMode.NEXT_STEP`) are not recorded, because they are no transitions.
 
     Args:
         env: A vector environment whose observations are a Box, in any autoreset mode.
         folder: Folder of the run.
         agents: Number of the agent of each copy; by default 0, 1, …
+        learners: Number of the learner of each copy, such as `range(env.num_envs)` if each has its own; by default the
+            number of the first agent for all copies.
         autoreset_mode: Autoreset mode, if `env.metadata` does not have it.
 
     Raises:
@@ -191,6 +198,7 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         ranges: Ranges = None,
         action_names: Sequence[str] | None = None,
         environment: str | None = None,
+        learners: Sequence[int] | None = None,
         autoreset_mode: str | AutoresetMode | None = None,
         overwrite: bool = False,
         resume: bool = False,
@@ -203,12 +211,17 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         numbers = list(range(env.num_envs)) if agents is None else [int(agent) for agent in agents]
         if len(numbers) != env.num_envs or len(set(numbers)) != len(numbers):
             raise ValueError(f"agents is {numbers}, expected {env.num_envs} different numbers: one per copy")
+        learner_numbers = [numbers[0]] * len(numbers) if learners is None else [int(learner) for learner in learners]
+        if len(learner_numbers) != env.num_envs:
+            raise ValueError(f"learners is {learner_numbers}, expected {env.num_envs} numbers: one per copy")
         task = _task_of(env)
         observations = observation_axes(env.single_observation_space, task, names, units, ranges)
         actions = action_axes(env.single_action_space, task, action_names)
         spec = _spec_of(env)
+        name = environment or _name_of(env, spec)
         headers = [
-            _header(agent, environment or _name_of(env, spec), observations, actions, spec, env.metadata) for agent in numbers
+            _header(agent, name, observations, actions, spec, env.metadata, learner)
+            for agent, learner in zip(numbers, learner_numbers, strict=True)
         ]
         recorders = _Recorders(Path(folder).absolute(), headers, overwrite, resume)
         convert = _batch_numbers(env.single_action_space, task)
@@ -791,9 +804,11 @@ def _header(
     actions: tuple[Axis, ...],
     spec: Any,
     metadata: Mapping[str, Any],
+    learner: int | None,
 ) -> Header:
-    if isinstance(agent, bool) or not 0 <= int(agent) < 1 << 16:
-        raise ValueError(f"agent is {agent!r}, expected a number from 0 to 65535")
+    for name, number in (("agent", agent), ("learner", learner)):
+        if number is not None and (isinstance(number, bool) or not 0 <= int(number) < 1 << 16):
+            raise ValueError(f"{name} is {number!r}, expected a number from 0 to 65535")
     frames_per_second = metadata.get("render_fps")
     return Header(
         agent=int(agent),
@@ -802,6 +817,7 @@ def _header(
         actions=actions,
         time_limit=getattr(spec, "max_episode_steps", None),
         step_seconds=1 / frames_per_second if frames_per_second else None,
+        learner=None if learner is None or int(learner) == int(agent) else int(learner),
     )
 
 

@@ -97,10 +97,20 @@ class Header:
     actions: tuple[Axis, ...]
     time_limit: int | None = None
     step_seconds: float | None = None
+    learner: int | None = None
+    """Number of the learner that acts: copies of an environment may have one. None if the agent is a learner of its own."""
 
     def to_json(self) -> bytes:
         """The header as UTF-8."""
-        return json.dumps(asdict(self), ensure_ascii=False, separators=(",", ":")).encode()
+        fields = asdict(self)
+        if self.learner is None:
+            del fields["learner"]
+        return json.dumps(fields, ensure_ascii=False, separators=(",", ":")).encode()
+
+    @property
+    def learner_number(self) -> int:
+        """Number of the learner."""
+        return self.agent if self.learner is None else self.learner
 
     @classmethod
     def from_json(cls, payload: bytes) -> Header:
@@ -123,7 +133,8 @@ class Header:
         """What prevents this agent from continuing the file with the other header; None if nothing does."""
         for name in (field.name for field in fields(self)):
             mine, theirs = getattr(self, name), getattr(other, name)
-            if mine != theirs:
+            # Files that were begun before learners were recorded have none.
+            if mine != theirs and not (name == "learner" and theirs is None):
                 return f"{name} is {_text(mine)}, but in the file {_text(theirs)}"
         return None
 
@@ -590,16 +601,20 @@ def _table(episodes: Sequence[EpisodeRow]) -> bytes:
 def _summary(folder: Path, scans: Sequence[Scan], episodes: Sequence[EpisodeRow]) -> dict[str, Any]:
     """The results in a few numbers, as `seedbed run` writes them, as far as they are known."""
     agents = max(found.header.agent for found in scans) + 1
-    returns = team_returns(episodes, agents)
-    last = returns[-FINAL_WINDOW:]
-    final_return = math.fsum(last) / len(last) if last else 0.0
+    learners = list(range(agents))
+    for found in scans:
+        learners[found.header.agent] = found.header.learner_number
+    returns = learner_returns(episodes, learners)
+    means = [math.fsum(last) / len(last) for last in (each[-FINAL_WINDOW:] for each in returns) if last]
+    final_return = math.fsum(means) / len(means) if len(means) == len(returns) else 0.0
     return {
         "scenario": folder.resolve().name,
         "environment": scans[0].header.environment,
         "seed": None,
         "agents": agents,
+        "learners": learners,
         "rounds": max((row.episode + 1 for row in episodes), default=0),
-        "episodes_per_agent": len(returns),
+        "episodes_per_agent": min(map(len, returns)),
         "env_steps": sum(row.length for row in episodes),
         "solved_at": None,
         "episodes_until_solved": None,
@@ -615,15 +630,21 @@ def _nan_observations(scans: Sequence[Scan]) -> dict[str, int]:
     return {name: count for name, count in zip(names, counts, strict=True) if count > 0}
 
 
-def team_returns(episodes: Sequence[EpisodeRow], agents: int) -> list[float]:
-    """Mean over agents of the return of their n-th episode, for each n that all agents have finished."""
-    by_number: dict[int, list[float]] = {}
+def learner_returns(episodes: Sequence[EpisodeRow], learners: Sequence[int]) -> list[list[float]]:
+    """The returns of each learner, in the order in which its episodes ended.
+
+    Copies of an environment step together: an episode ends after as many steps of its copy as the copy has done.
+
+    Args:
+        episodes: Episodes of all agents; those of each agent are in order.
+        learners: Number of the learner of each agent.
+    """
+    ends = [0] * len(learners)
+    ordered = []
     for row in episodes:
-        by_number.setdefault(row.episode, []).append(row.total_reward)
-    means = []
-    for number in range(len(by_number)):
-        returns = by_number.get(number, [])
-        if len(returns) < agents:
-            break
-        means.append(math.fsum(returns) / agents)
-    return means
+        ends[row.agent] += row.length
+        ordered.append((ends[row.agent], row.agent, row.total_reward))
+    returns: dict[int, list[float]] = {learner: [] for learner in sorted(set(learners))}
+    for _, agent, total_reward in sorted(ordered, key=lambda end: end[:2]):
+        returns[learners[agent]].append(total_reward)
+    return list(returns.values())

@@ -184,3 +184,50 @@ def test_play_helper_is_recorded_like_a_vector_of_one(tmp_path):
         environments.step(np.ones(1, np.int64))
     environments.close()
     assert state_file(tmp_path / "single").read_bytes() == state_file(tmp_path / "vector").read_bytes()
+
+
+def test_one_learner_acts_in_all_copies_unless_each_has_its_own(tmp_path):
+    """Copies end episodes after 3, 6, 9 and 2, 4, 6, 8 steps: those of one learner are in the order of these numbers."""
+
+    def record(folder, **options):
+        environments = SyncVectorEnv([partial(Counter, 3), partial(Counter, 2)], autoreset_mode=AutoresetMode.SAME_STEP)
+        environments = RecordVisitationVector(environments, folder, **options)
+        environments.reset()
+        for _ in range(9):
+            environments.step(np.zeros(2, np.int64))
+        environments.close()
+        summary = json.loads((folder / "summary.json").read_text())
+        return [summary[name] for name in ("agents", "learners", "episodes_per_agent", "final_return")]
+
+    # An episode of n steps has the return 1 + … + n: 3 · 6 and 4 · 3.
+    assert record(tmp_path / "one") == [2, [0, 0], 7, 30 / 7]
+    assert record(tmp_path / "two", learners=[0, 1]) == [2, [0, 1], 3, 4.5]
+    assert record(tmp_path / "other", agents=[3, 1]) == [4, [0, 3, 2, 3], 0, 0]
+    with pytest.raises(ValueError, match=r"learners is \[0\], expected 2 numbers: one per copy"):
+        record(tmp_path / "three", learners=[0])
+
+
+def test_agents_count_with_their_own_last_episodes(tmp_path):
+    """Agents with a budget of steps: the best one has the longest episodes and the fewest."""
+    for agent, (length, episodes) in enumerate([(10, 30), (2, 60)]):
+        with RecordVisitation(Counter(length), tmp_path, agent=agent) as environment:
+            for _ in range(episodes):
+                environment.reset()
+                for _ in range(length):
+                    environment.step(0)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["learners"], summary["episodes_per_agent"]) == ([0, 1], 30)
+    assert summary["final_return"] == (55 + 3) / 2
+
+
+def test_a_folder_without_learners_is_resumed(tmp_path):
+    """As versions before wrote it: each copy is an agent."""
+    for learners in ([0, 1], None):
+        environments = SyncVectorEnv([partial(Counter, 2)] * 2, autoreset_mode=AutoresetMode.SAME_STEP)
+        environments = RecordVisitationVector(environments, tmp_path, learners=learners, resume=learners is None)
+        environments.reset()
+        for _ in range(4):
+            environments.step(np.zeros(2, np.int64))
+        environments.close()
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["learners"], summary["episodes_per_agent"]) == ([0, 1], 4)

@@ -19,7 +19,8 @@ use seedbed::text::{align_columns, without_trailing_zeros};
   seedbed runs --state unsolved
   seedbed runs sweep --json | jq '.[] | select(.team_coverage > 0.5) | .path'
 
-`return` is the mean return over agents and over their last 25 episodes, `solved` the number of episodes per agent \
+`return` is the mean return over agents and over their last 25 episodes; agents that other programs recorded each count \
+with their own last episodes, and copies of an environment in which one learner acts as one. `solved` is the number of episodes per agent \
 until the task was solved, `coverage` the share of the state space that the team visited, `took` the time from the \
 first to the last file of the run.")]
 pub(super) struct RunsArgs {
@@ -201,7 +202,10 @@ fn row(run: &RunOverview) -> Vec<String> {
         run.path.display().to_string(),
         results.environment.clone().unwrap_or_else(dash),
         or_dash(results.seed),
-        or_dash(results.agents),
+        match (results.agents, results.copies) {
+            (Some(learners), Some(copies)) => format!("{learners} in {copies} copies"),
+            (agents, _) => or_dash(agents),
+        },
         or_dash(results.episodes_per_agent),
         result_text(run),
         solved_text(run),

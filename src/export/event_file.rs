@@ -28,6 +28,39 @@ pub struct Event {
     /// Values.
     #[prost(message, optional, tag = "5")]
     pub summary: Option<Summary>,
+    /// Beginning or end of the process that writes.
+    #[prost(message, optional, tag = "7")]
+    pub session_log: Option<SessionLog>,
+}
+
+/// `tensorflow.SessionLog`, as far as it is used.
+#[derive(Clone, PartialEq, Message)]
+pub struct SessionLog {
+    /// What happened, see [`SessionLog::START`].
+    #[prost(int32, tag = "1")]
+    pub status: i32,
+}
+
+impl SessionLog {
+    /// A process begins, and continues the run at the step of the event.
+    pub const START: i32 = 1;
+}
+
+impl Event {
+    /// Whether a process begins here: values of earlier events at this step and later ones are void.
+    #[must_use]
+    pub fn is_start(&self) -> bool {
+        let log = self.session_log.as_ref();
+        log.is_some_and(|log| log.status == SessionLog::START)
+    }
+
+    /// The version that this event gives the file, as TensorBoard reads it: −1 if it is no number.
+    #[must_use]
+    pub fn version(&self) -> Option<f64> {
+        let text = self.file_version.as_ref()?;
+        let number = text.rsplit("brain.Event:").next().unwrap_or_default();
+        Some(number.trim().parse().unwrap_or(-1.0))
+    }
 }
 
 /// `tensorflow.Summary`.
@@ -96,9 +129,22 @@ impl Scalar {
         let of_tensor = || self.tensor.as_ref().and_then(Tensor::number);
         self.simple_value.map(f64::from).or_else(of_tensor)
     }
+
+    /// Whether the number is in double precision.
+    #[must_use]
+    pub fn is_double(&self) -> bool {
+        let of_tensor = |tensor: &Tensor| tensor.dtype == Tensor::DOUBLE;
+        self.simple_value.is_none() && self.tensor.as_ref().is_some_and(of_tensor)
+    }
 }
 
 impl Tensor {
+    /// Type of the elements: f32.
+    const FLOAT: i32 = 1;
+
+    /// Type of the elements: f64.
+    const DOUBLE: i32 = 2;
+
     /// The only element of a tensor of numbers without dimensions.
     fn number(&self) -> Option<f64> {
         if self
@@ -109,11 +155,11 @@ impl Tensor {
             return None;
         }
         match self.dtype {
-            1 => match self.floats[..] {
+            Self::FLOAT => match self.floats[..] {
                 [number] => Some(number.into()),
                 _ => Some(f32::from_le_bytes(self.content[..].try_into().ok()?).into()),
             },
-            2 => match self.doubles[..] {
+            Self::DOUBLE => match self.doubles[..] {
                 [number] => Some(number),
                 _ => Some(f64::from_le_bytes(self.content[..].try_into().ok()?)),
             },

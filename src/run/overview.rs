@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::checksums::Checksums;
 use super::folder::RunFolder;
-use super::review::{final_mean, team_returns};
+use super::review::{final_mean, final_mean_of_learners, team_returns};
 use super::summary::{self, SolvedAt};
 use crate::input_files;
 use crate::record::EpisodeRow;
@@ -61,13 +61,16 @@ pub struct Results {
     pub environment: Option<String>,
     /// Run seed.
     pub seed: Option<u64>,
-    /// Number of agents K.
+    /// Number of agents K; of a recorded run, of its learners.
     pub agents: Option<u64>,
+    /// Number of recorded copies of the environment, if learners act in several.
+    pub copies: Option<u64>,
     /// Number of episodes that every agent has finished.
     pub episodes_per_agent: Option<u64>,
     /// Number of environment steps of the whole team.
     pub env_steps: Option<u64>,
-    /// Mean return over agents and over the last 25 episodes of each agent.
+    /// Mean return over agents and over the last 25 episodes of each agent. In runs of seedbed,
+    /// episodes count that every agent has finished.
     pub final_return: Option<f64>,
     /// Threshold at which the task counts as solved.
     pub solved_at: Option<SolvedAt>,
@@ -203,11 +206,15 @@ fn state_file_results(folder: &RunFolder) -> Result<Results, String> {
     let mut results = Results {
         scenario: Some(file_stem(folder.path(), "")),
         environment: Some(files.environment().to_owned()),
-        agents: Some(u64::from(files.agent_count())),
         ..Results::default()
     };
-    add_episodes(&mut results, files.episode_rows(), files.agent_count());
-    results.effective_agents = None; // is not computed for a list
+    let (rows, learners) = (files.episode_rows(), files.learners());
+    let returns = learners.returns(rows);
+    results.agents = Some(returns.len() as u64);
+    results.copies = learners.have_copies().then(|| learners.agents() as u64);
+    results.episodes_per_agent = returns.iter().map(Vec::len).min().map(|count| count as u64);
+    results.env_steps = Some(rows.last().map_or(0, |row| row.env_steps));
+    results.final_return = final_mean_of_learners(&returns);
     Ok(results)
 }
 

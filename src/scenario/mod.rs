@@ -5,7 +5,9 @@
 
 mod catalogue;
 pub mod overrides;
+mod threshold;
 
+pub use self::threshold::{Rounding, Threshold};
 use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
@@ -192,16 +194,6 @@ impl Stop {
             }
         }
     }
-}
-
-/// When a task counts as solved: the mean over agents and over a full trailing window of episodes
-/// reaches a return.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Threshold {
-    /// Mean return to reach.
-    pub r#return: f64,
-    /// Number of episodes per agent in the window.
-    pub window: usize,
 }
 
 /// Default window, in episodes per agent.

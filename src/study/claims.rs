@@ -158,7 +158,12 @@ impl<'a> ComparedClaim<'a> {
         let samples = if let Some(number) = number {
             Samples::against(&first, number, quantity)?
         } else {
-            Samples::new(&first, &scores(&claim.compare.1), quantity, *claim.paired)?
+            let names = [claim.compare.0.as_str(), claim.compare.1.as_str()];
+            let is_reversed = results
+                .study
+                .compares_in_reverse(measure, names[0], names[1]);
+            let second = scores(&claim.compare.1);
+            Samples::in_direction(is_reversed, &first, &second, quantity, *claim.paired)?
         };
         let test = samples.test();
         Some(Self {

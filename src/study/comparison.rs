@@ -9,7 +9,7 @@ use super::measure::Measure;
 use super::run_result::RunResult;
 use seedbed_stats::aggregate::{mean, median};
 use seedbed_stats::bootstrap::bootstrap_mean_and_interquartile_mean;
-use seedbed_stats::effect_test::{EffectTest, lower_bound, upper_bound};
+use seedbed_stats::effect_test::{EffectTest, Opposite, lower_bound, upper_bound};
 use seedbed_stats::family::FAMILY_LEVEL;
 use seedbed_stats::improvement::win_probability;
 use seedbed_stats::means::{MeanOfDifferences, TwoMeans};
@@ -68,6 +68,8 @@ pub struct Samples {
     /// Values of the first and of the second cell. If paired, equal indices are equal run seeds.
     values: [Vec<f64>; 2],
     paired: bool,
+    /// Whether the second cell is tested against the first, and the result is reversed.
+    is_reversed: bool,
 }
 
 /// Comparison of a first with a second cell.
@@ -229,6 +231,7 @@ impl Samples {
             quantity,
             values,
             paired,
+            is_reversed: false,
         };
         let is_complete = samples
             .values
@@ -249,6 +252,42 @@ impl Samples {
         Self::new(scores, &numbers, quantity, true)
     }
 
+    /// Like [`new`](Self::new), but tested as the comparison of the second with the first cell if
+    /// `is_reversed`: see [`reversed`](Self::reversed).
+    #[must_use]
+    pub fn in_direction(
+        is_reversed: bool,
+        first: &[RunScore],
+        second: &[RunScore],
+        quantity: Quantity,
+        paired: bool,
+    ) -> Option<Self> {
+        if is_reversed {
+            return Self::new(second, first, quantity, paired).map(Self::reversed);
+        }
+        Self::new(first, second, quantity, paired)
+    }
+
+    /// The comparison of the second with the first cell, whose effect and interval are exactly those
+    /// of the comparison of the first with the second with the opposite sign. Tests draw permutations
+    /// at random, so that a test of its own would have another interval.
+    #[must_use]
+    pub fn reversed(mut self) -> Self {
+        self.values.swap(0, 1);
+        self.is_reversed = !self.is_reversed;
+        self
+    }
+
+    /// The samples in the order in which they are tested.
+    fn tested(&self) -> [&Vec<f64>; 2] {
+        let [first, second] = &self.values;
+        if self.is_reversed {
+            [second, first]
+        } else {
+            [first, second]
+        }
+    }
+
     /// Number of runs of the first and of the second cell.
     #[must_use]
     pub fn n(&self) -> [usize; 2] {
@@ -258,8 +297,8 @@ impl Samples {
     /// The test of the effect.
     #[must_use]
     pub fn test(&self) -> Box<dyn EffectTest> {
-        let [first, second] = &self.values;
-        match self.quantity {
+        let [first, second] = self.tested();
+        let test: Box<dyn EffectTest> = match self.quantity {
             Quantity::Share => {
                 let [first, second] = [first, second].map(|values| share_of_successes(values));
                 Box::new(TwoShares::new(first, second))
@@ -270,6 +309,11 @@ impl Samples {
                 Box::new(MeanOfDifferences::new(&differences))
             }
             _ => Box::new(TwoMeans::new(first, second)),
+        };
+        if self.is_reversed {
+            Box::new(Opposite(test))
+        } else {
+            test
         }
     }
 
@@ -292,6 +336,17 @@ impl Samples {
         }
     }
 
+    /// Probability that a run of the first cell is below a run of the second.
+    fn probability_below(&self) -> Estimate {
+        let [first, second] = self.tested();
+        let probability = win_probability(second, first);
+        if self.is_reversed {
+            complement(probability)
+        } else {
+            probability
+        }
+    }
+
     /// The comparison, with the interval of a single comparison.
     #[must_use]
     pub fn compare(&self, test: &dyn EffectTest) -> Comparison {
@@ -303,9 +358,24 @@ impl Samples {
                 value: test.estimate(),
                 interval: self.interval(test, [FAMILY_LEVEL; 2], [0.0; 2]),
             },
-            probability_below: win_probability(second, first),
+            probability_below: self.probability_below(),
             is_constant: first.iter().chain(second).all(|&value| value == first[0]),
         }
+    }
+}
+
+/// The probability of the opposite, with the opposite interval.
+fn complement(probability: Estimate) -> Estimate {
+    let interval = match probability.interval {
+        Interval::Known { low, high } => Interval::Known {
+            low: 1.0 - high,
+            high: 1.0 - low,
+        },
+        too_few_runs @ Interval::TooFewRuns { .. } => too_few_runs,
+    };
+    Estimate {
+        value: 1.0 - probability.value,
+        interval,
     }
 }
 
@@ -313,17 +383,7 @@ impl Comparison {
     /// Probability that a run of the first cell is above a run of the second. A tie counts half.
     #[must_use]
     pub fn probability_above(&self) -> Estimate {
-        let interval = match self.probability_below.interval {
-            Interval::Known { low, high } => Interval::Known {
-                low: 1.0 - high,
-                high: 1.0 - low,
-            },
-            too_few_runs @ Interval::TooFewRuns { .. } => too_few_runs,
-        };
-        Estimate {
-            value: 1.0 - self.probability_below.value,
-            interval,
-        }
+        complement(self.probability_below)
     }
 }
 
@@ -411,6 +471,28 @@ mod tests {
         let comparison = compare("7 7 7 7 7", "7 7 7 7 7", Quantity::Mean, false);
         assert!(comparison.is_constant);
         assert_eq!(comparison.effect.interval.ends(), Some([0.0, 0.0]));
+    }
+
+    /// Sixteen runs have more splits than are used, so that those used are drawn at random.
+    #[test]
+    fn a_reversed_comparison_has_the_opposite_interval() {
+        let [first, second] = ["3 9 4 8 7 11 2 5", "1 2 5 0 6 2 3 4"];
+        for (quantity, paired) in [
+            (Quantity::Mean, false),
+            (Quantity::Mean, true),
+            (Quantity::Share, false),
+        ] {
+            let samples = |a, b| Samples::new(&times(a), &times(b), quantity, paired).unwrap();
+            let one = samples(first, second);
+            let other = samples(first, second).reversed();
+            assert_eq!(other.values, samples(second, first).values);
+            let [one, other] = [one, other].map(|samples| samples.compare(&*samples.test()));
+            assert_eq!(other.effect.value, -one.effect.value);
+            let [low, high] = one.effect.interval.ends().unwrap();
+            assert_eq!(other.effect.interval.ends(), Some([-high, -low]));
+            assert_eq!(other.probability_below, one.probability_above());
+            assert_eq!(other.n, one.n);
+        }
     }
 
     /// The mean of 10, 20, …, 60 is 35, which is 30 above 5. All six are above: p = 1 / 2⁶.

@@ -60,15 +60,15 @@ pub struct Study {
     pub pairs_share: String,
     /// When results of others count as solved, in all cells that do not say it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub solved: Option<SolvedAt>,
+    pub solved: Option<Located<SolvedAt>>,
     /// Maximum number of episodes per agent of results of others, in all cells that do not give
     /// another one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub max_episodes: Option<Count>,
+    pub max_episodes: Option<Located<Count>>,
     /// Maximum number of environment steps of the team of results of others, in all cells that do not
     /// give another one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub max_steps: Option<Count<4_000_000_000>>,
+    pub max_steps: Option<Located<Count<4_000_000_000>>>,
     /// Which cells explore without direction, for a study that compares exploration.
     // Not in the hash of studies that lack it, so that locks of earlier versions stay valid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -272,8 +272,8 @@ impl Claim {
             .horizon
             .map_or("default".to_owned(), |horizon| horizon.get().to_string());
         format!(
-            "{first_cell} | {second_cell} | {:?} | {:?} | {} | {role} | {pairing} | horizon {horizon}",
-            study.measure_of(self),
+            "{first_cell} | {second_cell} | {} | {:?} | {} | {role} | {pairing} | horizon {horizon}",
+            study.measure_of(self).canonical_text(),
             self.direction,
             self.smallest.get(),
         )
@@ -334,6 +334,21 @@ impl Study {
             .measures
             .first()
             .expect("a checked study has a measure")
+    }
+
+    /// Whether the study compares a first with a second cell in the opposite direction: the first of
+    /// its claims about both cells and this measure names them so. A report has one comparison of
+    /// two cells in a measure, whichever is named first.
+    #[must_use]
+    pub fn compares_in_reverse(&self, measure: Measure, first: &str, second: &str) -> bool {
+        let compared = self
+            .claims
+            .iter()
+            .filter(|claim| self.measure_of(claim) == measure)
+            .map(|claim| [claim.compare.0.as_str(), claim.compare.1.as_str()]);
+        let mut about_both =
+            compared.filter(|names| [[first, second], [second, first]].contains(names));
+        about_both.next() == Some([second, first])
     }
 
     /// Measure that a claim compares.
@@ -432,13 +447,15 @@ impl Study {
             }
         }
         let has_results = self.cells.iter().any(|cell| cell.results.is_some());
-        let has_fields_of_results =
-            self.solved.is_some() || self.max_episodes.is_some() || self.max_steps.is_some();
-        if has_fields_of_results && !has_results {
-            return Err(self.repeats.error(
-                "`solved`, `max_episodes` and `max_steps` are for cells with `results`, and the study has none; expected \
-                 them in the scenario",
-            ));
+        let message = "`solved`, `max_episodes` and `max_steps` are for cells with `results`, and the study has none; \
+                       expected them in the scenario";
+        let solved = self.solved.as_ref().map(|solved| solved.error(message));
+        let max_episodes = || Some(self.max_episodes.as_ref()?.error(message));
+        let max_steps = || Some(self.max_steps.as_ref()?.error(message));
+        if let Some(error) = solved.or_else(max_episodes).or_else(max_steps)
+            && !has_results
+        {
+            return Err(error);
         }
         if has_results && self.looks().len() > 1 {
             return Err(self.looks.error(

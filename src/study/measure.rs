@@ -1,5 +1,7 @@
 //! Measures of runs, as one number per run.
 
+use std::ops::Not;
+
 use serde::{Deserialize, Serialize};
 
 use super::run_result::RunResult;
@@ -30,19 +32,25 @@ pub enum Measure {
     /// of an episode is the expected return of the optimal policy minus the expected return of the
     /// agent's actions.
     Regret,
-    /// Mean return of the team over the last episodes.
+    /// Mean return of the team over the last episodes. Agents of runs of others may have finished
+    /// different numbers of episodes: each counts with its own last episodes. In runs of seedbed,
+    /// episodes count that every agent has finished.
     FinalReturn {
         /// Number of episodes of each agent.
         #[serde(default = "default_window")]
         window: Count,
     },
-    /// Mean return of the team over the episodes up to a given episode.
+    /// Mean return of the team over the episodes up to a given episode. Unknown of runs that ended
+    /// before, unless it is held.
     ReturnAt {
         /// Last of these episodes, counted from 1.
         episode: Count,
         /// Number of episodes of each agent.
         #[serde(default = "default_window")]
         window: Count,
+        /// Whether runs that ended before keep the mean of their last episodes.
+        #[serde(default, skip_serializing_if = "Not::not")]
+        held: bool,
     },
     /// Difference between the agents of a team: standard deviation over agents of the moving
     /// averages of their returns, averaged over episodes.
@@ -72,12 +80,16 @@ pub enum Measure {
         /// Curve.
         of: Curve,
     },
-    /// Value of a curve after each agent has finished a given number of episodes.
+    /// Value of a curve after each agent has finished a given number of episodes. Unknown of runs that
+    /// ended before, unless it is held.
     At {
         /// Curve.
         of: Curve,
         /// Number of episodes.
         episode: Count,
+        /// Whether runs that ended before keep their last value.
+        #[serde(default, skip_serializing_if = "Not::not")]
+        held: bool,
     },
     /// Last value of a curve.
     Last {
@@ -123,9 +135,11 @@ impl Measure {
             Self::Regret => {
                 (!run.regrets.is_empty()).then(|| run.curve(Curve::Regret).iter().sum())
             }
-            Self::FinalReturn { window } => window_mean(&run.team_returns(), usize::MAX, window),
-            Self::ReturnAt { episode, window } => {
-                window_mean(&run.team_returns(), episode.get() as usize, window)
+            Self::FinalReturn { window } => window_return(run, usize::MAX, window.get() as usize),
+            Self::ReturnAt {
+                episode, window, ..
+            } if self.is_known_of(run) => {
+                window_return(run, episode.get() as usize, window.get() as usize)
             }
             Self::SpreadOfAgents { window } => {
                 mean_over_agents_statistic(run, window, standard_deviation)
@@ -141,10 +155,44 @@ impl Measure {
                 of: Curve::TeamCoverage,
             }
             .of(run),
+            Self::Mean { of: Curve::Return } => window_return(run, usize::MAX, usize::MAX),
             Self::Mean { of } => (!run.curve(of).is_empty()).then(|| mean(&run.curve(of))),
-            Self::At { of, episode } => run.curve_at(of, episode.get()),
+            Self::At { of, episode, .. } if self.is_known_of(run) => {
+                run.curve_at(of, episode.get())
+            }
+            Self::ReturnAt { .. } | Self::At { .. } => None,
+            Self::Last { of: Curve::Return } => window_return(run, usize::MAX, 1),
             Self::Last { of } => run.curve(of).last().copied(),
         }
+    }
+
+    /// Whether this measure of a given episode is known: every agent of the run has finished the
+    /// episode, or the value at the end of the run is held.
+    fn is_known_of(self, run: &RunResult) -> bool {
+        match self {
+            Self::ReturnAt { episode, held, .. } | Self::At { episode, held, .. } => {
+                held || run.episodes_per_agent() >= episode.get() as usize
+            }
+            _ => true,
+        }
+    }
+
+    /// The episode at which this measure is unknown of runs that ended before.
+    #[must_use]
+    pub fn needed_episode(self) -> Option<u32> {
+        match self {
+            Self::ReturnAt { episode, held, .. } | Self::At { episode, held, .. } => {
+                (!held).then_some(episode.get())
+            }
+            _ => None,
+        }
+    }
+
+    /// The measure as in the text of claims on which locks depend, which does not change when a
+    /// measure gets an option.
+    #[must_use]
+    pub(super) fn canonical_text(self) -> String {
+        format!("{self:?}").replace(", held: false", "")
     }
 
     /// Whether this measure is a time, which a run may not reach.
@@ -247,13 +295,16 @@ impl Measure {
             Self::FinalReturn { window } => {
                 format!("return over the last {} episodes", window.get())
             }
-            Self::ReturnAt { episode, window } => {
-                format!(
-                    "return over {} episodes up to episode {}",
-                    window.get(),
-                    episode.get()
-                )
-            }
+            Self::ReturnAt {
+                episode,
+                window,
+                held,
+            } => format!(
+                "return over {} episodes up to episode {}{}",
+                window.get(),
+                episode.get(),
+                held_text(held)
+            ),
             Self::SpreadOfAgents { window } => format!(
                 "spread of returns between agents, over {} episodes",
                 window.get()
@@ -268,12 +319,36 @@ impl Measure {
             }
             Self::Coverage => "coverage of the state space".to_owned(),
             Self::Mean { of } => format!("{}, mean of the run", of.metric().label()),
-            Self::At { of, episode } => {
-                format!("{} at episode {}", of.metric().label(), episode.get())
-            }
+            Self::At { of, episode, held } => format!(
+                "{} at episode {}{}",
+                of.metric().label(),
+                episode.get(),
+                held_text(held)
+            ),
             Self::Last { of } => format!("{} at the end", of.metric().label()),
         }
     }
+}
+
+fn held_text(held: bool) -> &'static str {
+    if held {
+        ", held after the end of a run"
+    } else {
+        ""
+    }
+}
+
+/// Mean return of the team over the last `window` of the first `end` episodes. Agents of runs of
+/// others each count with their own episodes, of which there may be different numbers.
+fn window_return(run: &RunResult, end: usize, window: usize) -> Option<f64> {
+    if !run.has_different_lengths() {
+        return window_mean(&run.team_returns(), end, window);
+    }
+    let agents = run.returns.iter();
+    let means: Option<Vec<f64>> = agents
+        .map(|returns| window_mean(returns, end, window))
+        .collect();
+    means.map(|means| mean(&means))
 }
 
 /// Requirement that a run must fulfill for a curve.
@@ -301,9 +376,9 @@ fn share_of_agents_with_goal(run: &RunResult) -> f64 {
 
 /// Mean of the last `window` of the first `end` values, or of fewer values if there are fewer.
 /// `None` without values.
-fn window_mean(values: &[f64], end: usize, window: Count) -> Option<f64> {
+fn window_mean(values: &[f64], end: usize, window: usize) -> Option<f64> {
     let end = end.min(values.len());
-    let start = end.saturating_sub(window.get() as usize);
+    let start = end.saturating_sub(window);
     (start < end).then(|| mean(&values[start..end]))
 }
 
@@ -332,7 +407,7 @@ fn mean_over_agents_statistic(
     let window = window.get() as usize;
     let mut moving_averages: Vec<Vec<f64>> = Vec::with_capacity(run.returns.len());
     for returns in &run.returns {
-        moving_averages.push(moving_average(&to_f64(returns), window));
+        moving_averages.push(moving_average(returns, window));
     }
     let episodes = moving_averages.iter().map(Vec::len).min().unwrap_or(0);
     let mut statistics = Vec::with_capacity(episodes);
@@ -351,11 +426,6 @@ fn standard_deviation(values: &[f64]) -> f64 {
         .map(|value| (value - average).powi(2))
         .collect();
     mean(&squared_deviations).sqrt()
-}
-
-/// Values in double precision.
-pub(super) fn to_f64(values: &[f32]) -> Vec<f64> {
-    values.iter().map(|&value| f64::from(value)).collect()
 }
 
 fn default_window() -> Count {
@@ -378,11 +448,85 @@ mod tests {
         assert!(trailing_means(&[], 3).is_empty());
     }
 
+    /// Five episodes with returns 1 to 5: their mean is 3, that of the last two 4.5.
+    #[test]
+    fn episodes_after_the_end_are_unknown_unless_held() {
+        let run = RunResult {
+            returns: vec![(1..=5).map(f64::from).collect()],
+            ..RunResult::default()
+        };
+        let return_at = |episode, window, held| {
+            let measure = Measure::ReturnAt {
+                episode: ranged_count(episode),
+                window: ranged_count(window),
+                held,
+            };
+            measure.of(&run)
+        };
+        assert_eq!(return_at(5, 25, false), Some(3.0));
+        assert_eq!(return_at(8, 25, false), None);
+        assert_eq!(return_at(8, 2, true), Some(4.5));
+        let at = |episode, held| {
+            let of = Curve::Return;
+            let episode = ranged_count(episode);
+            Measure::At { of, episode, held }.of(&run)
+        };
+        assert_eq!(at(4, false), Some(4.0));
+        assert_eq!(at(6, false), None);
+        assert_eq!(at(6, true), Some(5.0));
+    }
+
+    /// Texts of columns and locks were written before measures could be held.
+    #[test]
+    fn measures_that_are_not_held_are_written_as_before() {
+        let measure: Measure = ron::from_str("At(of: TeamCoverage, episode: 230)").unwrap();
+        assert_eq!(
+            ron::to_string(&measure).unwrap(),
+            "At(of:TeamCoverage,episode:230)"
+        );
+        assert_eq!(
+            measure.canonical_text(),
+            "At { of: TeamCoverage, episode: Count(230) }"
+        );
+    }
+
+    /// Agents with 30, 40 and 27 episodes, whose last 25 have the means 173, 183 and 143: 166⅓. Cut to
+    /// 27 episodes, the first two would count with their returns of 0.
+    #[test]
+    fn agents_of_others_count_with_their_own_last_episodes() {
+        let agent = |zeros: usize, value: f64| [vec![0.0; zeros], vec![value; 25]].concat();
+        let mut run = RunResult {
+            returns: vec![agent(5, 173.0), agent(15, 183.0), agent(2, 143.0)],
+            rounding: crate::scenario::Rounding::Double,
+            ..RunResult::default()
+        };
+        let last = Measure::FinalReturn {
+            window: ranged_count(25),
+        };
+        assert_eq!(last.of(&run), Some(499.0 / 3.0));
+        assert_eq!(
+            Measure::Last { of: Curve::Return }.of(&run),
+            Some(499.0 / 3.0)
+        );
+        let mean_of_all = [
+            173.0 * 25.0 / 30.0,
+            183.0 * 25.0 / 40.0,
+            143.0 * 25.0 / 27.0,
+        ];
+        assert_eq!(
+            Measure::Mean { of: Curve::Return }.of(&run),
+            Some(mean(&mean_of_all))
+        );
+        // Runs of seedbed count the episodes that every agent has finished.
+        run.rounding = crate::scenario::Rounding::SingleRewards;
+        assert!(last.of(&run).is_some_and(|value| value < 150.0));
+    }
+
     #[test]
     fn statistics_over_agents_are_averaged_over_episodes() {
         let run = RunResult {
             returns: (0..5_u8)
-                .map(|agent| vec![f32::from(agent), 2.0 * f32::from(agent)])
+                .map(|agent| vec![f64::from(agent), 2.0 * f64::from(agent)])
                 .collect(),
             ..RunResult::default()
         };

@@ -555,14 +555,21 @@ fn external_cell(folder: &Path, study: &Study, cell: &NamedCell) -> Result<Cell,
     let Some(source) = &cell.results else {
         return Err(cell.name.error("expected `results`").into());
     };
-    let max_episodes = cell.max_episodes.as_deref().or(study.max_episodes.as_ref());
-    let max_steps = cell.max_steps.as_deref().or(study.max_steps.as_ref());
+    let max_episodes = cell
+        .max_episodes
+        .as_deref()
+        .or(study.max_episodes.as_deref());
+    let max_steps = cell.max_steps.as_deref().or(study.max_steps.as_deref());
     let runs = ExternalRuns::load(
         folder,
         ExternalSpec {
             source: source.clone(),
             place: cell.name.clone(),
-            solved: cell.solved.as_deref().copied().or(study.solved),
+            solved: cell
+                .solved
+                .as_ref()
+                .or(study.solved.as_ref())
+                .map(|solved| **solved),
             agents: cell.agents.as_ref().map(|agents| agents.get()),
             max_episodes: max_episodes.map(|max| max.get()),
             max_steps: max_steps.map(|max| max.get().into()),

@@ -246,9 +246,12 @@ impl RegisteredResults {
     /// What is registered of a cell; `None` if it has a scenario.
     fn of(study: &Study, cell: &NamedCell) -> Option<Self> {
         let source = cell.results.as_ref()?;
-        let solved = cell.solved.as_deref().or(study.solved.as_ref());
-        let max_episodes = cell.max_episodes.as_deref().or(study.max_episodes.as_ref());
-        let max_steps = cell.max_steps.as_deref().or(study.max_steps.as_ref());
+        let solved = cell.solved.as_deref().or(study.solved.as_deref());
+        let max_episodes = cell
+            .max_episodes
+            .as_deref()
+            .or(study.max_episodes.as_deref());
+        let max_steps = cell.max_steps.as_deref().or(study.max_steps.as_deref());
         let runs = study.expected_runs_of_others(&cell.name, true);
         Some(Self {
             cell: cell.name.value().clone(),
@@ -284,7 +287,7 @@ fn without_paths(study: &Study, cells: &[ManifestCell]) -> Vec<ManifestCell> {
         let max_episodes = named_cell
             .max_episodes
             .as_deref()
-            .or(study.max_episodes.as_ref());
+            .or(study.max_episodes.as_deref());
         ManifestCell {
             agents: if named_cell.agents.is_some() {
                 cell.agents

@@ -11,9 +11,15 @@ use xxhash_rust::xxh64::xxh64;
 use super::measure::Curve;
 use super::provenance::{self, BuildId};
 use super::run_result::RunResult;
+use crate::scenario::Rounding;
 
-/// Number of the layout in which files are written. Files of other layouts are not read.
+/// Number of the layout of files with runs of seedbed. Files of layouts that are not listed here are
+/// not read.
 const LAYOUT: u32 = 5;
+
+/// Number of the layout of files with results of others: the contents have no returns, which follow
+/// as [`ReturnsOfOthers`].
+const LAYOUT_OF_OTHERS: u32 = 6;
 
 /// Number of bytes of the checksum at the end of a file.
 const CHECKSUM_BYTES: usize = 8;
@@ -35,7 +41,14 @@ pub struct StoredRun {
     pub outcome: Result<RunResult, String>,
 }
 
-/// Contents of a file. In the file, they are followed by the XXH64 of their bytes.
+/// Returns in double precision, and how they were rounded.
+#[derive(Serialize, Deserialize)]
+struct ReturnsOfOthers {
+    returns: Vec<Vec<f64>>,
+    rounding: Rounding,
+}
+
+/// Contents of a file. In the file, they are followed by the XXH64 of all bytes.
 #[derive(Serialize, Deserialize)]
 struct ResultFile {
     layout: u32,
@@ -68,17 +81,23 @@ impl StoredRun {
         let keys = Curve::WITH_ROUND_VALUES
             .iter()
             .map(|curve| curve.metric().key);
+        let (outcome, returns_of_others) = split(self.outcome.clone());
         let file = ResultFile {
-            layout: LAYOUT,
+            layout: if returns_of_others.is_some() {
+                LAYOUT_OF_OTHERS
+            } else {
+                LAYOUT
+            },
             version: self.version.clone(),
             commit: self.commit.clone(),
             build: self.build,
             digest: self.digest.clone(),
             seed: self.run_seed,
             curves: keys.map(str::to_owned).collect(),
-            outcome: self.outcome.clone(),
+            outcome,
         };
-        let mut bytes = postcard::to_stdvec(&file).expect("plain data always serializes");
+        let mut bytes = encode(&file);
+        bytes.extend(returns_of_others.iter().flat_map(encode));
         let checksum = xxh64(&bytes, 0);
         bytes.extend(checksum.to_le_bytes());
         bytes
@@ -90,11 +109,16 @@ impl StoredRun {
         if xxh64(contents, 0) != u64::from_le_bytes(*checksum) {
             return None;
         }
-        let file: ResultFile = postcard::from_bytes(contents).ok()?;
-        if file.layout != LAYOUT {
-            return None;
-        }
+        let (file, rest): (ResultFile, &[u8]) = postcard::take_from_bytes(contents).ok()?;
         let mut outcome = file.outcome;
+        match (file.layout, &mut outcome) {
+            (LAYOUT, _) => {}
+            (LAYOUT_OF_OTHERS, Ok(run)) => {
+                let others: ReturnsOfOthers = postcard::from_bytes(rest).ok()?;
+                (run.returns, run.rounding) = (others.returns, others.rounding);
+            }
+            _ => return None,
+        }
         if let Ok(run) = &mut outcome {
             run.curves = values_in_curve_order(&file.curves, std::mem::take(&mut run.curves));
         }
@@ -109,15 +133,10 @@ impl StoredRun {
     }
 
     /// Whether a repetition of the run has bit-identical results.
-    ///
-    /// # Panics
-    /// Never: plain data always serializes.
     #[must_use]
     pub fn is_reproduced_by(&self, outcome: &Result<RunResult, String>) -> bool {
         // Compare bytes instead of numbers, because NaN does not equal itself.
-        let bytes = |outcome: &Result<RunResult, String>| {
-            postcard::to_stdvec(outcome).expect("plain data always serializes")
-        };
+        let bytes = |outcome: &Result<RunResult, String>| encode(&split(outcome.clone()));
         bytes(&self.outcome) == bytes(outcome)
     }
 
@@ -146,6 +165,23 @@ impl StoredRun {
         let has = |window: &u32| run.states.iter().any(|states| states.episodes == *window);
         windows.iter().all(has)
     }
+}
+
+/// Takes the returns of others out of an outcome.
+fn split(
+    mut outcome: Result<RunResult, String>,
+) -> (Result<RunResult, String>, Option<ReturnsOfOthers>) {
+    let returns = outcome.as_mut().ok().and_then(|run| {
+        (run.rounding != Rounding::SingleRewards).then(|| ReturnsOfOthers {
+            returns: std::mem::take(&mut run.returns),
+            rounding: run.rounding,
+        })
+    });
+    (outcome, returns)
+}
+
+fn encode(data: &impl Serialize) -> Vec<u8> {
+    postcard::to_stdvec(data).expect("plain data always serializes")
 }
 
 /// Sorts curves with the given keys into the order of [`Curve::WITH_ROUND_VALUES`]. Curves whose
@@ -205,11 +241,28 @@ mod tests {
         assert_eq!(StoredRun::from_bytes(&[]), None);
     }
 
+    /// 0.1 and 1e39 are not numbers of single precision.
+    #[test]
+    fn returns_of_others_are_stored_in_double_precision() {
+        let outcome = |value: f64| {
+            Ok(RunResult {
+                returns: vec![vec![0.1, value]],
+                rounding: Rounding::Double,
+                ..run(Curve::WITH_ROUND_VALUES.len())
+            })
+        };
+        let written = StoredRun::new("digest".to_owned(), 7, outcome(1e39));
+        let read = StoredRun::from_bytes(&written.to_bytes()).unwrap();
+        assert_eq!(read, written);
+        assert!(read.is_reproduced_by(&outcome(1e39)));
+        assert!(!read.is_reproduced_by(&outcome(1e39_f64.next_up())));
+    }
+
     #[test]
     fn files_of_another_layout_are_not_read() {
         let mut bytes = StoredRun::new("digest".to_owned(), 7, Ok(run(2))).to_bytes();
         bytes.truncate(bytes.len() - CHECKSUM_BYTES);
-        bytes[0] = LAYOUT as u8 + 1;
+        bytes[0] = LAYOUT as u8 - 1;
         bytes.extend(xxh64(&bytes, 0).to_le_bytes());
         assert_eq!(StoredRun::from_bytes(&bytes), None);
     }

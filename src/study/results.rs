@@ -145,14 +145,23 @@ impl Results {
         }
     }
 
+    /// The measures of all claims, each once.
+    #[must_use]
+    pub fn measures_of_claims(&self) -> Vec<Measure> {
+        let mut measures: Vec<Measure> = Vec::new();
+        for claim in &self.study.claims {
+            let measure = self.study.measure_of(claim);
+            if !measures.contains(&measure) {
+                measures.push(measure);
+            }
+        }
+        measures
+    }
+
     /// Measures of the study, its claims and figures, and of costs, without duplicates.
     #[must_use]
     pub fn measures(&self) -> Vec<Measure> {
-        let of_claims = self
-            .study
-            .claims
-            .iter()
-            .map(|claim| self.study.measure_of(claim));
+        let of_claims = self.measures_of_claims();
         let of_study = self.study.measures.iter().map(|measure| **measure);
         let main_measure = self.study.main_measure();
         let exploration = self.study.exploration.iter();

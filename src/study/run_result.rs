@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::measure::Curve;
 use crate::run::measures::RoundRows;
 use crate::run::trainer::Trainer;
+use crate::scenario::{Rounding, Threshold};
 use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_learn::experience::Episode;
 
@@ -31,8 +32,13 @@ const SAMPLING_STREAM: u32 = u32::MAX;
 /// Result of one run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
-    /// Returns of each agent, episode by episode: `[K][episodes]`.
-    pub returns: Vec<Vec<f32>>,
+    /// Returns of each agent, episode by episode: `[K][episodes]`. Those of runs of seedbed are in
+    /// single precision, and are stored so.
+    #[serde(with = "single_precision")]
+    pub returns: Vec<Vec<f64>>,
+    /// How returns were rounded. It is not stored for runs of seedbed.
+    #[serde(skip)]
+    pub rounding: Rounding,
     /// Regrets of each agent, episode by episode, in tabular tasks: `[K][episodes]`; empty in other
     /// tasks.
     pub regrets: Vec<Vec<f32>>,
@@ -92,7 +98,7 @@ impl RunResult {
     /// Adds a round that the trainer has just finished.
     fn add_round(&mut self, trainer: &Trainer, rows: &RoundRows) {
         for row in &rows.episodes {
-            self.returns[row.agent as usize].push(row.r#return as f32);
+            self.add_return(row.agent as usize, row.r#return);
         }
         let now = Milestone {
             episodes: trainer.measures().episodes_per_agent() as u32,
@@ -111,6 +117,11 @@ impl RunResult {
         }
     }
 
+    /// Adds the return of an episode of a run of seedbed.
+    pub(super) fn add_return(&mut self, agent: usize, r#return: f64) {
+        self.returns[agent].push(f64::from(r#return as f32));
+    }
+
     /// Share of the episodes of all agents that have no regret; `None` if regrets are not known.
     #[must_use]
     pub fn share_of_episodes_without_regret(&self) -> Option<f64> {
@@ -125,7 +136,15 @@ impl RunResult {
         self.returns.iter().map(Vec::len).min().unwrap_or(0)
     }
 
-    /// Mean return over agents of each episode number: `[episodes]`.
+    /// Whether another program made the run, and its agents finished different numbers of episodes.
+    #[must_use]
+    pub fn has_different_lengths(&self) -> bool {
+        let is_of_others = self.rounding != Rounding::SingleRewards;
+        let mut lengths = self.returns.iter().map(Vec::len);
+        is_of_others && lengths.any(|length| length != self.returns[0].len())
+    }
+
+    /// Mean return over agents of each episode number that every agent has finished: `[episodes]`.
     #[must_use]
     pub fn team_returns(&self) -> Vec<f64> {
         team_means(&self.returns)
@@ -142,9 +161,17 @@ impl RunResult {
     #[must_use]
     pub fn first_goals(&self) -> Vec<Option<u32>> {
         match self.threshold {
-            Some((threshold, _)) => first_episodes(&self.returns, |value| value >= threshold),
+            Some((r#return, _)) => {
+                let threshold = Threshold {
+                    r#return,
+                    window: 1,
+                };
+                first_episodes(&self.returns, |&value| {
+                    threshold.is_reached_by(&[value], self.rounding)
+                })
+            }
             None if !self.regrets.is_empty() => {
-                first_episodes(&self.regrets, |regret| regret < MIN_REGRET)
+                first_episodes(&self.regrets, |&regret| f64::from(regret) < MIN_REGRET)
             }
             None => vec![None; self.returns.len()],
         }
@@ -190,7 +217,7 @@ impl RunResult {
     }
 
     /// Newest value of a curve when each agent has finished `episode` episodes, or the last value
-    /// if the run was shorter.
+    /// if the run ended before.
     #[must_use]
     pub fn curve_at(&self, curve: Curve, episode: u32) -> Option<f64> {
         let value_count = self
@@ -319,24 +346,44 @@ impl VisitedStates {
 
 /// First episode of each agent, counted from 1, whose value is a goal.   `values: [K][episodes]` →
 /// `[K]`
-fn first_episodes(values: &[Vec<f32>], is_goal: impl Fn(f64) -> bool) -> Vec<Option<u32>> {
+fn first_episodes<T>(values: &[Vec<T>], is_goal: impl Fn(&T) -> bool) -> Vec<Option<u32>> {
     let mut first_episodes = Vec::with_capacity(values.len());
     for values_of_agent in values {
-        let index = values_of_agent
-            .iter()
-            .position(|&value| is_goal(value.into()));
+        let index = values_of_agent.iter().position(&is_goal);
         first_episodes.push(index.map(|index| index as u32 + 1));
     }
     first_episodes
 }
 
 /// Mean over agents of the values of each episode number: `[K][episodes]` → `[min episodes]`
-fn team_means(values: &[Vec<f32>]) -> Vec<f64> {
+fn team_means<T: Copy + Into<f64>>(values: &[Vec<T>]) -> Vec<f64> {
     let episodes = values.iter().map(Vec::len).min().unwrap_or(0);
     let mut means = Vec::with_capacity(episodes);
     for episode in 0..episodes {
-        let values_of_agents = values.iter().map(|values| f64::from(values[episode]));
+        let values_of_agents = values.iter().map(|values| values[episode].into());
         means.push(values_of_agents.sum::<f64>() / values.len() as f64);
     }
     means
+}
+
+/// Numbers of double precision that are stored in single precision.
+mod single_precision {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(
+        returns: &[Vec<f64>],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let single = |agent: &Vec<f64>| agent.iter().map(|&value| value as f32).collect();
+        let returns: Vec<Vec<f32>> = returns.iter().map(single).collect();
+        returns.serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec<Vec<f64>>, D::Error> {
+        let returns = Vec::<Vec<f32>>::deserialize(deserializer)?;
+        let double = |agent: Vec<f32>| agent.into_iter().map(f64::from).collect();
+        Ok(returns.into_iter().map(double).collect())
+    }
 }

@@ -22,10 +22,31 @@ pub struct TeamSize<'a> {
     /// Mean of the worst twentieth of the runs.
     pub worst: f64,
     /// S(K) = m*(1) / m(K), where m*(1) is the smallest mean of a cell with one agent in this task.
-    pub speedup: Option<Estimate>,
+    /// Exactly 1 of that cell.
+    pub speedup: Option<Ratio>,
     /// D(K): the mean of the cell without diversity over that of this cell, which differs from it in
     /// one part of its name.
-    pub diversity_gap: Option<Estimate>,
+    pub diversity_gap: Option<Ratio>,
+}
+
+/// A ratio of the means of two cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ratio {
+    /// A cell over itself: 1, without an interval.
+    OfItself,
+    /// Of different cells.
+    Estimated(Estimate),
+}
+
+impl Ratio {
+    /// The ratio.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        match self {
+            Self::OfItself => 1.0,
+            Self::Estimated(estimate) => estimate.value,
+        }
+    }
 }
 
 /// A method in a task, with teams of several sizes.
@@ -128,13 +149,16 @@ fn ratio(
     first: &CellResults,
     second: &CellResults,
     measure: Measure,
-) -> Option<Estimate> {
+) -> Option<Ratio> {
+    if first.description.name == second.description.name {
+        return Some(Ratio::OfItself);
+    }
     let scores = [first, second].map(|cell| cell.scores(measure));
     let [first, second] = [first, second].map(|cell| values(results, cell, measure));
     if first.is_empty() || second.is_empty() {
         return None;
     }
-    ratio_of_means(&first, &second, are_paired(results, &scores))
+    ratio_of_means(&first, &second, are_paired(results, &scores)).map(Ratio::Estimated)
 }
 
 /// Whether runs with equal run seeds share something, and all cells have the same run seeds.

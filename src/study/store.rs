@@ -149,11 +149,18 @@ impl StudyFolder {
         (matches_request && stored.has_windows(windows)).then_some(stored)
     }
 
-    /// Stored result of a planned run. `None` if there is none, or if it lacks visited states that
-    /// the run should have.
+    /// Stored result of a planned run. `None` if there is none, if it lacks visited states that the
+    /// run should have, or if an earlier version rounded returns of others more than their files.
     #[must_use]
     pub fn stored_run(&self, run: &PlannedRun<'_>) -> Option<StoredRun> {
-        self.find_run(&run.cell.digest, run.run_seed, run.windows())
+        let stored = self.find_run(&run.cell.digest, run.run_seed, run.windows())?;
+        let external = run.cell.source.external();
+        let current = external.and_then(|runs| runs.result(run.run_seed));
+        let is_as_rounded = match (&stored.outcome, current) {
+            (Ok(stored), Some(current)) => stored.rounding == current.rounding,
+            _ => true,
+        };
+        is_as_rounded.then_some(stored)
     }
 
     /// Stores the outcome of a run.

@@ -11,12 +11,14 @@ mod damaged_files;
 mod determinism;
 #[cfg(unix)]
 mod docs;
+mod event_files;
 mod external;
 #[cfg(target_os = "linux")]
 mod failing_calls;
 mod fuzz;
 mod generated;
 mod hostile_names;
+mod learners;
 mod learning;
 mod messages;
 mod published;
@@ -33,6 +35,7 @@ mod stopping;
 mod study;
 mod submission;
 mod tabular;
+mod thresholds;
 mod tune;
 mod util;
 mod weights;

@@ -143,7 +143,7 @@ fn runs_of_drawn_tasks_have_the_bits_of_runs_alone() {
     for (run_seed, run) in (FIRST_RUN_SEED..).zip(runs) {
         let pay = pay_of(&path, run_seed);
         for agent in run.unwrap().returns {
-            let steps = agent.iter().map(|total| total / pay);
+            let steps = agent.iter().map(|total| total / f64::from(pay));
             steps.for_each(|steps| assert!((steps - steps.round()).abs() < 1e-3, "{steps}"));
         }
         paid.push(pay.to_bits());

@@ -35,7 +35,7 @@ pub(crate) fn frame(kind: [u8; 4], payload: &[u8]) -> Vec<u8> {
 }
 
 /// Two observations, of which the second has no given range, and one action.
-fn header(agent: u32) -> Value {
+pub(crate) fn header(agent: u32) -> Value {
     json!({
         "agent": agent, "environment": "Walk-v0", "time_limit": null, "step_seconds": 0.05,
         "observations": [
@@ -46,7 +46,7 @@ fn header(agent: u32) -> Value {
     })
 }
 
-fn file_start(header: &Value) -> Vec<u8> {
+pub(crate) fn file_start(header: &Value) -> Vec<u8> {
     let mut start = b"SBSTATES".to_vec();
     start.extend(1_u32.to_le_bytes());
     start.extend(checksum(&start).to_le_bytes());
@@ -59,7 +59,7 @@ pub(crate) struct Steps {
     episode: u32,
     first_step: u32,
     outcome: u32,
-    total: f64,
+    pub(crate) total: f64,
     observations: Vec<f32>,
     actions: Vec<f32>,
     rewards: Vec<f32>,
@@ -81,13 +81,13 @@ impl Steps {
         payload
     }
 
-    fn frame(&self) -> Vec<u8> {
+    pub(crate) fn frame(&self) -> Vec<u8> {
         frame(*b"EPIS", &self.payload())
     }
 }
 
 /// Episode `number` of two steps. Its total reward is not representable in single precision.
-fn episode(number: u32, outcome: u32) -> Steps {
+pub(crate) fn episode(number: u32, outcome: u32) -> Steps {
     let base = number as f32;
     Steps {
         episode: number,
@@ -132,7 +132,7 @@ pub(crate) fn short_episode(number: u32, reward: f32) -> Steps {
     }
 }
 
-fn closed(episodes: u32) -> Vec<u8> {
+pub(crate) fn closed(episodes: u32) -> Vec<u8> {
     frame(*b"DONE", &episodes.to_le_bytes())
 }
 

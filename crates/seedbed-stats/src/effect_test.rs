@@ -24,6 +24,34 @@ pub trait EffectTest: Debug + Send + Sync {
     fn search_distance(&self) -> f64;
 }
 
+/// The test of the opposite effect: of second minus first, from a test of first minus second. Its
+/// bounds are those of that test with the opposite sign, to the bit.
+#[derive(Debug)]
+pub struct Opposite(pub Box<dyn EffectTest>);
+
+impl EffectTest for Opposite {
+    fn estimate(&self) -> f64 {
+        -self.0.estimate()
+    }
+
+    fn p_above(&self, effect: f64) -> f64 {
+        self.0.p_below(-effect)
+    }
+
+    fn p_below(&self, effect: f64) -> f64 {
+        self.0.p_above(-effect)
+    }
+
+    fn limits(&self) -> [f64; 2] {
+        let [low, high] = self.0.limits();
+        [-high, -low]
+    }
+
+    fn search_distance(&self) -> f64 {
+        self.0.search_distance()
+    }
+}
+
 /// Number of bisections of a bound: the error is 2⁻⁴⁰ of the searched range.
 const BISECTIONS: u32 = 40;
 
@@ -125,6 +153,18 @@ mod tests {
     fn a_level_that_rejects_nothing_gives_the_limit() {
         assert_eq!(lower_bound(&Uniform, -1.0, 0.0), -2.0);
         assert_eq!(upper_bound(&Uniform, -1.0, 0.0), f64::INFINITY);
+    }
+
+    #[test]
+    fn bounds_of_the_opposite_effect_have_the_opposite_sign() {
+        let opposite = Opposite(Box::new(Uniform));
+        for threshold in [-5.0, -0.95, 0.0, 3.0] {
+            let low = lower_bound(&opposite, 0.05, threshold);
+            assert_eq!(low, -upper_bound(&Uniform, 0.05, -threshold));
+            let high = upper_bound(&opposite, 0.05, threshold);
+            assert_eq!(high, -lower_bound(&Uniform, 0.05, -threshold));
+        }
+        assert_eq!(upper_bound(&opposite, -1.0, 0.0), 2.0);
     }
 
     /// A p-value that falls, rises and falls again: it crosses 0.05 at −1, −2 and −3.

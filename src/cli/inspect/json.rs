@@ -15,6 +15,9 @@ struct RunJson<'a> {
     path: String,
     finished: bool,
     agent_count: usize,
+    /// Number of learners of a recorded run, of which some may act in several copies of the
+    /// environment.
+    learner_count: Option<usize>,
     episodes_per_agent: usize,
     env_steps: u64,
     /// The numbers of `summary.json`.
@@ -77,10 +80,11 @@ pub(super) fn text(inspected: &Inspected) -> String {
         path: run.path.display().to_string(),
         finished: run.is_finished,
         agent_count: inspected.agents.len(),
+        learner_count: inspected.returns_of_learners().map(|returns| returns.len()),
         episodes_per_agent: team_returns.len(),
         env_steps: inspected.env_steps(),
         summary: run.summary.as_ref(),
-        final_return: final_mean(&team_returns),
+        final_return: inspected.final_return(),
         nan_returns: inspected.nan_returns(),
         team_returns,
         overlap: diversity.map(|(overlap, _)| overlap),

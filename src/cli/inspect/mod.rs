@@ -16,7 +16,9 @@ use seedbed::record::{EpisodeRow, RoundRow};
 use seedbed::run::measures::visitation::Visitation;
 use seedbed::run::review::recording_stats::RecordingStats;
 use seedbed::run::review::selection::EpisodeSelection;
-use seedbed::run::review::{LoadRunError, LoadedRun};
+use seedbed::run::review::{
+    LoadRunError, LoadedRun, final_mean, final_mean_of_learners, means_of_learners,
+};
 use seedbed_env::Status;
 
 #[derive(Debug, Args)]
@@ -139,6 +141,9 @@ impl Inspected {
     /// Mean over the selected agents of the return of each selected episode that all of them have
     /// finished.
     fn team_returns(&self) -> Vec<f64> {
+        if let Some(returns) = self.returns_of_learners() {
+            return means_of_learners(&returns);
+        }
         let mut sums: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
         for row in &self.run.episodes {
             let (sum, count) = sums.entry(row.episode).or_default();
@@ -149,6 +154,25 @@ impl Inspected {
             .into_values()
             .filter(|(_, count)| *count == self.agents.len());
         of_all.map(|(sum, count)| sum / count as f64).collect()
+    }
+
+    /// Returns of each learner in the selected episodes of a run that another program recorded; `None`
+    /// of a run of seedbed.
+    fn returns_of_learners(&self) -> Option<Vec<Vec<f64>>> {
+        let mut returns = self.run.learners()?.returns(&self.run.episodes);
+        if !self.selection.agents.is_empty() {
+            returns.retain(|learner| !learner.is_empty());
+        }
+        Some(returns)
+    }
+
+    /// Mean over the selected agents, or learners, of the returns of their last episodes; `None` if one
+    /// has none.
+    fn final_return(&self) -> Option<f64> {
+        match self.returns_of_learners() {
+            Some(returns) => final_mean_of_learners(&returns),
+            None => final_mean(&self.team_returns()),
+        }
     }
 
     /// Number of steps of the selected episodes.

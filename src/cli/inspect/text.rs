@@ -52,20 +52,27 @@ struct TerminalSummary<'a> {
 impl TerminalSummary<'_> {
     fn heading(&self) -> String {
         let run = &self.inspected.run;
-        let episodes_per_agent = self.inspected.team_returns().len();
         let env_steps = self.inspected.env_steps();
         let agent_count = self.inspected.agents.len();
         let task = run
             .recording
             .as_ref()
             .and_then(|recording| recording.properties().get("environment"));
-        let task = task.map_or(String::new(), |task| format!(" in {task}"));
+        let learners = self.inspected.returns_of_learners();
+        let learner_count = learners.as_ref().map_or(agent_count, Vec::len);
+        let who = if learner_count < agent_count {
+            let task = task.map_or("the environment", String::as_str);
+            let learners = pluralize(learner_count, "learner");
+            format!("{learners} in {agent_count} copies of {task}")
+        } else {
+            let task = task.map_or(String::new(), |task| format!(" in {task}"));
+            format!("{}{task}", pluralize(agent_count, "agent"))
+        };
         let mut text = format!(
-            "{}: {}{task}, {}{}, {} env steps\n",
+            "{}: {who}, {}{}, {} env steps\n",
             bold(&run.name()),
-            pluralize(agent_count, "agent"),
-            pluralize(episodes_per_agent, "episode"),
-            if agent_count == 1 { "" } else { " each" },
+            self.episode_count(learners.as_deref()),
+            if learner_count == 1 { "" } else { " each" },
             with_thousands_separators(env_steps)
         );
         if !self.inspected.selection.is_all() {
@@ -73,6 +80,15 @@ impl TerminalSummary<'_> {
         }
         text += &self.outcome_line();
         text
+    }
+
+    /// Number of episodes per agent, or from the smallest to the largest number.
+    fn episode_count(&self, learners: Option<&[Vec<f64>]>) -> String {
+        let counts = || learners.into_iter().flatten().map(Vec::len);
+        match (counts().min(), counts().max()) {
+            (Some(min), Some(max)) if min < max => format!("{min} to {max} episodes"),
+            _ => pluralize(self.inspected.team_returns().len(), "episode"),
+        }
     }
 
     /// The selected agents and episodes.
@@ -120,7 +136,11 @@ impl TerminalSummary<'_> {
 
     fn returns(&self) -> String {
         let returns = self.inspected.team_returns();
-        let Some(final_return) = final_mean(&returns) else {
+        let Some(final_return) = self
+            .inspected
+            .final_return()
+            .filter(|_| !returns.is_empty())
+        else {
             return "no episode finished by all agents\n".to_owned();
         };
         let range = min_max(&returns);
@@ -130,15 +150,37 @@ impl TerminalSummary<'_> {
             range.unwrap_or_default(),
         );
         format!(
-            "{}\n  {:>9} {curve} {:<9}\n  min {}, max {}, mean of the last {} episodes: {}\n",
-            bold("mean return of the team per episode, from the first to the last"),
+            "{}\n  {:>9} {curve} {:<9}\n  min {}, max {}, mean of {} last {} episodes: {}\n",
+            bold(self.title_of_returns()),
             format_number(returns[0]),
             format_number(returns[returns.len() - 1]),
             format_or_dash(range.map(|[min, _]| min)),
             format_or_dash(range.map(|[_, max]| max)),
+            if self.has_different_lengths() {
+                "each agent's"
+            } else {
+                "the"
+            },
             FINAL_WINDOW.min(returns.len()),
             format_number(final_return)
         ) + &self.endings()
+    }
+
+    fn has_different_lengths(&self) -> bool {
+        let learners = self.inspected.returns_of_learners();
+        learners.is_some_and(|returns| {
+            returns
+                .iter()
+                .any(|learner| learner.len() != returns[0].len())
+        })
+    }
+
+    fn title_of_returns(&self) -> &'static str {
+        if self.has_different_lengths() {
+            "mean return of the team per episode, up to the last that every agent has finished"
+        } else {
+            "mean return of the team per episode, from the first to the last"
+        }
     }
 
     /// Lengths of episodes, and how many ended before the time limit. If they become shorter while the

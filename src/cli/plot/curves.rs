@@ -3,6 +3,7 @@
 use super::PlottedRun;
 use seedbed::record::metrics::{Metric, Scope, round_metrics_in_display_order};
 use seedbed::run::Plan;
+use seedbed::record::state_files::Learners;
 use seedbed::run::summary::FINAL_WINDOW;
 use seedbed::study::measure::trailing_means;
 use seedbed::text::without_trailing_zeros;
@@ -68,20 +69,32 @@ fn with_colors(shown: &[u32]) -> Vec<ShownAgent> {
 }
 
 fn returns_of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
-    let is_team = run.loaded_run.agent_count() > 1;
-    let shown_agents = with_colors(&shown_agents(run, agents));
+    let learners = learners_in_copies(run).filter(|_| agents.is_empty());
+    let (shown, noun) = match learners {
+        Some(learners) => ((0..learners.count() as u32).collect(), "learner"),
+        None => (shown_agents(run, agents), "agent"),
+    };
+    let of_learners = learners.map(|learners| learners.returns(&run.loaded_run.episodes));
+    let returns = |agent: u32| match &of_learners {
+        Some(returns) => returns[agent as usize].clone(),
+        None => run.loaded_run.returns(agent).collect(),
+    };
+    let is_team = of_learners
+        .as_ref()
+        .map_or(run.loaded_run.agent_count(), Vec::len)
+        > 1;
     let agent_series = |shown: &ShownAgent| Series {
-        name: shown.name.clone(),
+        name: shown.name.replace("agent", noun),
         color: shown.color,
         points: (0..)
             .map(f64::from)
-            .zip(run.loaded_run.returns(shown.agent))
+            .zip(returns(shown.agent))
             .map(<[f64; 2]>::from)
             .collect(),
         is_faint: is_team,
         ..Series::default()
     };
-    let mut series: Vec<Series> = shown_agents.iter().map(agent_series).collect();
+    let mut series: Vec<Series> = with_colors(&shown).iter().map(agent_series).collect();
     let name_prefix = if is_team { "team, " } else { "" };
     series.push(team_series(
         run,
@@ -91,11 +104,18 @@ fn returns_of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
     let thresholds = threshold(run).into_iter().collect();
     panel(
         &format!("returns{}", nan_note(returns_of(&[run]))),
-        "episode of each agent",
+        &format!("episode of each {noun}"),
         "return",
         series,
         thresholds,
     )
+}
+
+/// The learners of a recorded run, if some act in several copies of the environment: their episodes
+/// count, not those of single copies.
+fn learners_in_copies(run: &PlottedRun) -> Option<&Learners> {
+    let learners = run.loaded_run.learners();
+    learners.filter(|learners| learners.have_copies())
 }
 
 fn returns_of_teams(runs: &[PlottedRun]) -> Curves {

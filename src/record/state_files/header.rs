@@ -19,6 +19,9 @@ pub(super) struct Header {
     pub time_limit: Option<u32>,
     /// Time between two actions, s.
     pub step_seconds: Option<f64>,
+    /// Number of the learner that acts; `None` if the agent is a learner of its own.
+    #[serde(default)]
+    pub learner: Option<u32>,
 }
 
 /// One observation or one component of an action. An end that is `None` is the smallest or largest
@@ -45,6 +48,13 @@ impl Header {
             return Err(format!(
                 "agent {} is not below {MAX_RECORDED_AGENTS}",
                 self.agent
+            ));
+        }
+        if let Some(learner) = self.learner
+            && learner >= MAX_RECORDED_AGENTS
+        {
+            return Err(format!(
+                "learner {learner} is not below {MAX_RECORDED_AGENTS}"
             ));
         }
         for (axes, kind) in [

@@ -9,6 +9,7 @@
 mod episodes;
 mod frames;
 mod header;
+mod learners;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,6 +17,7 @@ use std::path::{Path, PathBuf};
 
 use self::episodes::{AgentEpisodes, FinishedEpisode};
 use self::header::{Header, HeaderAxis};
+pub use self::learners::{EndedEpisode, Learners};
 use super::visitation::Axes;
 use super::{BonusRange, EpisodeRow, ReadError, RecordedEpisode};
 use seedbed_env::Quantity;
@@ -31,7 +33,7 @@ const FOLDER: &str = "states";
 pub struct StateFiles {
     /// In ascending order of agents.
     files: Vec<PathBuf>,
-    agents: u32,
+    learners: Learners,
     properties: BTreeMap<String, String>,
     observations: Vec<Quantity>,
     actions: Vec<Quantity>,
@@ -47,7 +49,8 @@ struct Extents(Vec<[f32; 2]>);
 /// What all files have in common, collected one by one.
 struct Collected {
     header: Header,
-    agents: Vec<u32>,
+    /// Numbers of the agents and, if they have one, of their learners.
+    agents: Vec<(u32, Option<u32>)>,
     rows: Vec<EpisodeRow>,
     warnings: Vec<String>,
     observations: Extents,
@@ -129,7 +132,26 @@ impl StateFiles {
     /// Number of agents K: the largest number of an agent, plus 1.
     #[must_use]
     pub fn agent_count(&self) -> u32 {
-        self.agents
+        self.learners.agents() as u32
+    }
+
+    /// The learners that act in the agents' environments.
+    #[must_use]
+    pub fn learners(&self) -> &Learners {
+        &self.learners
+    }
+
+    /// The learners of a run, of which only the beginnings of the files in its folder are read.
+    ///
+    /// # Errors
+    /// A file cannot be read, or its header is damaged.
+    pub fn learners_in(run_folder: &Path) -> Result<Learners, ReadError> {
+        let mut agents = Vec::new();
+        for path in Self::paths_in(run_folder) {
+            let header = AgentEpisodes::open(&path)?.header().clone();
+            agents.push((header.agent, header.learner));
+        }
+        Ok(learners_of(&agents))
     }
 
     /// The observations of an agent, in order.
@@ -213,7 +235,7 @@ impl Collected {
         let episodes = AgentEpisodes::open(path)?;
         let header = episodes.header().clone();
         let mut collected = Self {
-            agents: vec![header.agent],
+            agents: vec![(header.agent, header.learner)],
             rows: Vec::new(),
             warnings: Vec::new(),
             observations: Extents::new(&header.observations),
@@ -229,12 +251,12 @@ impl Collected {
     fn add(&mut self, path: &Path) -> Result<u32, ReadError> {
         let episodes = AgentEpisodes::open(path)?;
         let header = episodes.header();
-        let agent = header.agent;
+        let (agent, learner) = (header.agent, header.learner);
         let unreadable = |reason: String| ReadError::Unreadable {
             path: path.to_owned(),
             reason,
         };
-        if self.agents.contains(&agent) {
+        if self.agents.iter().any(|(other, _)| *other == agent) {
             return Err(unreadable(format!("another file has agent {agent}, too")));
         }
         if let Some(difference) = self.header.difference(header) {
@@ -243,7 +265,7 @@ impl Collected {
                 self.header.agent
             )));
         }
-        self.agents.push(agent);
+        self.agents.push((agent, learner));
         self.add_episodes(episodes)?;
         Ok(agent)
     }
@@ -267,15 +289,15 @@ impl Collected {
             env_steps += u64::from(row.length);
             row.env_steps = env_steps;
         }
-        let agents = self.agents.iter().max().map_or(0, |last| last + 1);
+        let learners = learners_of(&self.agents);
         let properties = [
             ("RecordingInfo:name", name.to_owned()),
             ("environment", self.header.environment.clone()),
-            ("agents", agents.to_string()),
+            ("agents", learners.agents().to_string()),
         ];
         StateFiles {
             files,
-            agents,
+            learners,
             properties: properties
                 .map(|(name, value)| (name.to_owned(), value))
                 .into(),
@@ -287,6 +309,16 @@ impl Collected {
             warnings: self.warnings,
         }
     }
+}
+
+/// The learner of each agent; agents without a file are learners of their own.
+fn learners_of(agents: &[(u32, Option<u32>)]) -> Learners {
+    let count = agents.iter().map(|(agent, _)| agent + 1).max().unwrap_or(0);
+    let mut learners: Vec<u32> = (0..count).collect();
+    for (agent, learner) in agents {
+        learners[*agent as usize] = learner.unwrap_or(*agent);
+    }
+    Learners::new(learners)
 }
 
 fn row(finished: &FinishedEpisode) -> EpisodeRow {

@@ -14,7 +14,7 @@ use self::first_visits::FirstVisits;
 use self::recent::RecentVisits;
 use self::visitation::{StateBins, Visitation, without_rounding_error};
 use crate::record::{EpisodeRow, RoundRow};
-use crate::scenario::Threshold;
+use crate::scenario::{Rounding, Threshold};
 use seedbed_env::TaskSpec;
 use seedbed_learn::agent::UpdateReport;
 use seedbed_learn::experience::Episode;
@@ -161,22 +161,17 @@ impl Measures {
     /// Whether the mean return over the latest full window reaches the threshold.
     #[must_use]
     pub fn reaches(&self, threshold: Threshold) -> bool {
-        let is_full = self.team_returns.len() >= threshold.window;
-        is_full
-            && self
-                .recent_return(threshold.window)
-                .is_some_and(|mean| mean >= threshold.r#return)
+        let start = self.team_returns.len().checked_sub(threshold.window);
+        start.is_some_and(|start| {
+            threshold.is_reached_by(&self.team_returns[start..], Rounding::SingleRewards)
+        })
     }
 
     /// Number of episodes per agent after which the mean return over the trailing window first
     /// reached the threshold.
     #[must_use]
     pub fn episodes_until(&self, threshold: Threshold) -> Option<usize> {
-        let windows = self.team_returns.windows(threshold.window);
-        windows
-            .zip(threshold.window..)
-            .find(|(window, _)| mean(window) >= threshold.r#return)
-            .map(|(_, episodes)| episodes)
+        threshold.first_window(&self.team_returns, Rounding::SingleRewards)
     }
 
     /// Share of cells that each agent has visited, from 0 to 1: `[K]`

@@ -18,7 +18,7 @@ use super::checksums::{Checksums, DamagedFile};
 use super::folder::{RunFolder, run_folder};
 use super::overview;
 use super::summary::{FINAL_WINDOW, Summary};
-use crate::record::state_files::StateFiles;
+use crate::record::state_files::{Learners, StateFiles};
 use crate::record::table::{self, TableError};
 use crate::record::{EpisodeRow, ReadError, RecordedStates, RoundRow};
 
@@ -221,10 +221,41 @@ impl LoadedRun {
 
     /// Mean over agents of the return of their n-th episode, for each n that all agents have
     /// finished.
+    /// Copies of an environment in which one learner acts count as one agent.
     #[must_use]
     pub fn team_returns(&self) -> Vec<f64> {
-        team_returns(&self.episodes, self.agent_count())
+        match self.learners().filter(|learners| learners.have_copies()) {
+            Some(learners) => means_of_learners(&learners.returns(&self.episodes)),
+            None => team_returns(&self.episodes, self.agent_count()),
+        }
     }
+
+    /// The learners of a run that another program recorded.
+    #[must_use]
+    pub fn learners(&self) -> Option<&Learners> {
+        self.state_files().map(StateFiles::learners)
+    }
+}
+
+/// Mean over learners of the return of their n-th episode, for each n that all have finished.
+#[must_use]
+pub fn means_of_learners(returns: &[Vec<f64>]) -> Vec<f64> {
+    let episodes = returns.iter().map(Vec::len).min().unwrap_or(0);
+    let mean_of = |episode: usize| {
+        let sum: f64 = returns.iter().map(|learner| learner[episode]).sum();
+        sum / returns.len() as f64
+    };
+    (0..episodes).map(mean_of).collect()
+}
+
+/// Mean over learners of the mean of their own last [`FINAL_WINDOW`] episodes, of which they may have
+/// finished different numbers; `None` if one has none.
+#[must_use]
+pub fn final_mean_of_learners(returns: &[Vec<f64>]) -> Option<f64> {
+    let means = returns.iter().map(|learner| final_mean(learner));
+    let means: Option<Vec<f64>> = means.collect();
+    let means = means.filter(|means| !means.is_empty())?;
+    Some(means.iter().sum::<f64>() / means.len() as f64)
 }
 
 /// The rows of a table; none if the run has no tables.

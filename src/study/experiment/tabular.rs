@@ -226,7 +226,7 @@ impl TabularMeasures {
         if let Some(episode) = step.ended_episode {
             self.add_visit(step, step.to, team);
             let agent = step.agent as usize;
-            self.result.returns[agent].push(episode.r#return as f32);
+            self.result.add_return(agent, episode.r#return);
             self.result.regrets[agent].push(episode.regret as f32);
         }
     }

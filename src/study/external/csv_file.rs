@@ -8,6 +8,7 @@ use super::read_run::ReadRun;
 use super::run_data::{self, AgentEpisodes};
 use super::source::Columns;
 use super::{Problem, Settings};
+use crate::scenario::Rounding;
 use seedbed_env::input::{InputError, Located};
 
 /// Reads the runs in the file at `path`, in the order of their first rows.
@@ -32,7 +33,7 @@ pub(super) fn read(
         if columns.length.is_some() {
             run_data::team_steps(&mut agents);
         }
-        let result = run_data::result(agents, settings.solved, settings.limits);
+        let result = run_data::result(agents, settings.solved, settings.limits, Rounding::Double);
         let run = ReadRun::new(folder, path, vec![file.hash.clone()], result);
         read_runs.push(match (&columns.run, label) {
             (Some((_, name)), label) => run.with_label(name, &label),

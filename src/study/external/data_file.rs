@@ -9,6 +9,9 @@ use sha2::{Digest, Sha256};
 use seedbed_env::input::limits::{MAX_TABLE_BYTES, read_bytes};
 use seedbed_env::input::{InputError, Position};
 
+/// Mark at the beginning of a text in UTF-8, as spreadsheets write it.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 /// A file as it was when it was read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -52,8 +55,10 @@ impl DataFile {
     /// The complete lines of a text file, and whether there is an incomplete one behind them, as in a
     /// file that is still written to.
     pub(super) fn complete_lines(&self) -> (&[u8], bool) {
-        let end = self.bytes.iter().rposition(|&byte| byte == b'\n');
-        let (lines, rest) = self.bytes.split_at(end.map_or(0, |end| end + 1));
+        let bytes = self.bytes.strip_prefix(BYTE_ORDER_MARK);
+        let bytes = bytes.unwrap_or(&self.bytes);
+        let end = bytes.iter().rposition(|&byte| byte == b'\n');
+        let (lines, rest) = bytes.split_at(end.map_or(0, |end| end + 1));
         (lines, !rest.trim_ascii().is_empty())
     }
 }

@@ -8,6 +8,7 @@
 mod csv_file;
 mod data_file;
 mod event_files;
+mod event_log;
 mod monitor;
 mod read_run;
 mod run_data;

@@ -7,6 +7,7 @@ use super::data_file::{DataFile, Rows, file_error, incomplete_line_warning};
 use super::read_run::ReadRun;
 use super::run_data::{self, AgentEpisodes};
 use super::{Problem, Settings};
+use crate::scenario::Rounding;
 use seedbed_env::input::{InputError, Position};
 
 /// Reads the run at `path`: a directory with one file per agent, or the file of its only agent.
@@ -21,7 +22,7 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
         files.push(file.hash);
     }
     run_data::team_steps(&mut agents);
-    let result = run_data::result(agents, settings.solved, settings.limits);
+    let result = run_data::result(agents, settings.solved, settings.limits, Rounding::Double);
     Ok(ReadRun::new(folder, path, files, result).with_warnings(warnings))
 }
 

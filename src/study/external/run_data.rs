@@ -1,6 +1,7 @@
 //! Episodes of a run that was read from files, and what studies need of it.
 
 use super::source::SolvedAt;
+use crate::scenario::Rounding;
 use crate::study::measure::Curve;
 use crate::study::run_result::{Milestone, RunResult};
 use seedbed_stats::aggregate::mean;
@@ -52,24 +53,25 @@ pub(super) fn result(
     mut agents: Vec<AgentEpisodes>,
     solved: Option<SolvedAt>,
     limits: Limits,
+    rounding: Rounding,
 ) -> RunResult {
     for agent in &mut agents {
         agent.cut(limits);
     }
     let team_returns = team_means(&agents);
-    let episodes_until_solved = solved
-        .and_then(|solved| first_window(&team_returns, solved.window.get(), solved.r#return.get()));
-    let single_precision =
-        |agent: &AgentEpisodes| agent.returns.iter().map(|&value| value as f32).collect();
+    let episodes_until_solved =
+        solved.and_then(|solved| solved.threshold().first_window(&team_returns, rounding));
     let all_steps = agents.iter().filter_map(|agent| agent.env_steps.last());
+    let env_steps = all_steps.copied().max().unwrap_or(0);
     RunResult {
         threshold: solved.map(|solved| (solved.r#return.get(), solved.window.get())),
         solved: episodes_until_solved.map(|episodes| Milestone {
             episodes: episodes as u32,
             env_steps: steps_at(&agents, episodes),
         }),
-        env_steps: all_steps.copied().max().unwrap_or(0),
-        returns: agents.iter().map(single_precision).collect(),
+        env_steps,
+        returns: agents.into_iter().map(|agent| agent.returns).collect(),
+        rounding,
         curves: vec![Vec::new(); Curve::WITH_ROUND_VALUES.len()],
         ..RunResult::default()
     }
@@ -90,15 +92,6 @@ fn team_means(agents: &[AgentEpisodes]) -> Vec<f64> {
         mean(&returns.collect::<Vec<f64>>())
     };
     (0..episodes.unwrap_or(0)).map(mean_of).collect()
-}
-
-/// Number of values up to the first full window whose mean reaches the threshold.
-pub(super) fn first_window(values: &[f64], window: u32, threshold: f64) -> Option<usize> {
-    let window = window as usize;
-    let mut windows = values.windows(window);
-    windows
-        .position(|values| mean(values) >= threshold)
-        .map(|start| start + window)
 }
 
 #[cfg(test)]
@@ -128,7 +121,12 @@ mod tests {
             agent(&[1.0, 3.0, 5.0, 7.0], &[10, 30, 90, 95]),
             agent(&[3.0, 5.0, 7.0, 9.0, 50.0], &[20, 40, 60, 80, 100]),
         ];
-        let run = result(team.clone(), Some(solved(5.0, 2)), Limits::default());
+        let run = result(
+            team.clone(),
+            Some(solved(5.0, 2)),
+            Limits::default(),
+            Rounding::Double,
+        );
         let milestone = Milestone {
             episodes: 3,
             env_steps: 90,
@@ -137,10 +135,19 @@ mod tests {
         assert_eq!(run.episodes_per_agent(), 4);
         assert_eq!(run.threshold, Some((5.0, 2)));
         assert_eq!(
-            result(team.clone(), Some(solved(7.1, 2)), Limits::default()).solved,
+            result(
+                team.clone(),
+                Some(solved(7.1, 2)),
+                Limits::default(),
+                Rounding::Double
+            )
+            .solved,
             None
         );
-        assert_eq!(result(team, None, Limits::default()).threshold, None);
+        assert_eq!(
+            result(team, None, Limits::default(), Rounding::Double).threshold,
+            None
+        );
     }
 
     #[test]
@@ -151,7 +158,7 @@ mod tests {
                 max_episodes,
                 max_steps,
             };
-            let run = result(team.clone(), Some(solved(9.0, 1)), limits);
+            let run = result(team.clone(), Some(solved(9.0, 1)), limits, Rounding::Double);
             (run.returns[0].len(), run.env_steps, run.solved.is_some())
         };
         assert_eq!(up_to(None, None), (4, 40, true));

@@ -4,16 +4,20 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 
+use serde::Deserialize;
+
 use super::data_file::{DataFile, Rows, file_error, incomplete_line_warning};
 use super::read_run::ReadRun;
-use super::run_data::Limits;
+use super::run_data::{self, AgentEpisodes, Limits};
 use super::source::SolvedAt;
 use super::{Problem, Settings};
 use crate::record::RoundRow;
+use crate::record::state_files::{EndedEpisode, Learners, StateFiles};
 use crate::record::table;
 use crate::run::checksums::Checksums;
 use crate::run::folder::RunFolder;
-use crate::run::summary::Summary;
+use crate::run::summary;
+use crate::scenario::Rounding;
 use crate::study::measure::Curve;
 use crate::study::run_result::{Milestone, RunResult};
 use seedbed_env::input::InputError;
@@ -29,6 +33,8 @@ struct Episode {
     round: u32,
     env_steps: u64,
     r#return: f64,
+    /// Number of steps; 0 if it is unknown.
+    length: u64,
 }
 
 /// Reads the run in the directory `path`.
@@ -53,27 +59,55 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
     let episodes = read_episodes(&file)?;
     let mut files = vec![file.hash];
     let mut rounds: Vec<RoundRow> = Vec::new();
-    let has_rounds = rounds_path.is_file();
+    let mut has_rounds = rounds_path.is_file();
     if has_rounds {
         verify(&rounds_path)?;
         files.push(DataFile::read(folder, &rounds_path)?.hash);
         let rows = table::read(&rounds_path);
         rounds = rows.map_err(|error| file_error(&rounds_path, error.reason))?;
     }
-    let mut threshold = settings.solved;
+    let (mut threshold, mut learners) = (settings.solved, None);
     let summary_path = run_folder.summary_file();
     if summary_path.is_file() {
         verify(&summary_path)?;
         let file = DataFile::read(folder, &summary_path)?;
-        threshold = threshold.or(threshold_of(&file)?);
+        let summary: SummaryOfOthers =
+            serde_json::from_slice(&file.bytes).map_err(|error| file.error(error.to_string()))?;
+        threshold = threshold.or(threshold_of(&file, &summary)?);
+        learners = summary.learners.map(Learners::new);
+        let last_agent = episodes.iter().map(|episode| episode.agent).max();
+        if learners
+            .as_ref()
+            .is_some_and(|learners| Some(learners.agents() as u32) <= last_agent)
+        {
+            return Err(file
+                .error("expected `learners` with the learner of each agent in `episodes.csv`")
+                .into());
+        }
         files.push(file.hash);
     } else {
+        if run_folder.has_state_files() {
+            let found = StateFiles::learners_in(path);
+            learners = Some(found.map_err(|error| file_error(path, error.to_string()))?);
+        }
         warnings.push(format!(
             "{}: has no `summary.json`: the run may be unfinished",
             super::data_file::name_of(folder, path)
         ));
     }
-    let result = Replay::new(&episodes, threshold).result(&episodes, &rounds, settings.limits);
+    let rounding = if run_folder.scenario_file().is_file() {
+        Rounding::SingleRewards
+    } else {
+        Rounding::Double
+    };
+    let replay = Replay::new(&episodes, threshold, rounding);
+    let result = match learners.filter(Learners::have_copies) {
+        Some(learners) => {
+            has_rounds = false;
+            result_of_learners(&learners, &episodes, threshold, settings.limits)
+        }
+        None => replay.result(&episodes, &rounds, settings.limits),
+    };
     let run = ReadRun::new(folder, path, files, result).with_warnings(warnings);
     Ok(ReadRun { has_rounds, ..run })
 }
@@ -87,6 +121,7 @@ fn read_episodes(file: &DataFile) -> Result<Vec<Episode>, InputError> {
         rows.column("env_steps")?,
         rows.column("return")?,
     ];
+    let length = rows.find("length")?;
     let mut episodes: Vec<Episode> = Vec::new();
     let mut next_episodes: Vec<u64> = Vec::new();
     while rows.advance()? {
@@ -113,6 +148,7 @@ fn read_episodes(file: &DataFile) -> Result<Vec<Episode>, InputError> {
             round: rows.count(round)?.min(u32::MAX.into()) as u32,
             env_steps: rows.count(env_steps)?,
             r#return: rows.number(r#return)?,
+            length: length.map_or(Ok(0), |length| rows.count(length))?,
         };
         if let Some(earlier) = episodes.last() {
             let is_earlier = |now: u64, before: u64| now < before;
@@ -136,10 +172,48 @@ fn read_episodes(file: &DataFile) -> Result<Vec<Episode>, InputError> {
     Ok(episodes)
 }
 
+/// What studies need of `summary.json`.
+#[derive(Deserialize)]
+struct SummaryOfOthers {
+    #[serde(default)]
+    solved_at: Option<summary::SolvedAt>,
+    /// The learner of each agent.
+    #[serde(default)]
+    learners: Option<Vec<u32>>,
+}
+
+/// The result of a run in which learners act in several copies of the environment, which step
+/// together. Each learner counts as one agent.
+fn result_of_learners(
+    learners: &Learners,
+    episodes: &[Episode],
+    threshold: Option<SolvedAt>,
+    limits: Limits,
+) -> RunResult {
+    let mut agents: Vec<AgentEpisodes> = Vec::new();
+    let ended = episodes.iter().map(|episode| EndedEpisode {
+        agent: episode.agent,
+        length: episode.length,
+        r#return: episode.r#return,
+    });
+    for episodes in learners.episodes(ended) {
+        let mut agent = AgentEpisodes::default();
+        for (steps, episode) in episodes {
+            agent.returns.push(episode.r#return);
+            agent
+                .env_steps
+                .push(steps.saturating_mul(learners.agents() as u64));
+        }
+        agents.push(agent);
+    }
+    run_data::result(agents, threshold, limits, Rounding::Double)
+}
+
 /// The threshold that the run had, from `summary.json`. Tabular runs have none.
-fn threshold_of(file: &DataFile) -> Result<Option<SolvedAt>, InputError> {
-    let summary: Summary =
-        serde_json::from_slice(&file.bytes).map_err(|error| file.error(error.to_string()))?;
+fn threshold_of(
+    file: &DataFile,
+    summary: &SummaryOfOthers,
+) -> Result<Option<SolvedAt>, InputError> {
     let Some(solved_at) = summary.solved_at else {
         return Ok(None);
     };
@@ -158,7 +232,7 @@ struct Replay {
 }
 
 impl Replay {
-    fn new(episodes: &[Episode], threshold: Option<SolvedAt>) -> Self {
+    fn new(episodes: &[Episode], threshold: Option<SolvedAt>, rounding: Rounding) -> Self {
         let agents = episodes
             .iter()
             .map(|row| row.agent as usize + 1)
@@ -167,6 +241,7 @@ impl Replay {
         Self {
             result: RunResult {
                 returns: vec![Vec::new(); agents],
+                rounding,
                 threshold: threshold.map(|solved| (solved.r#return.get(), solved.window.get())),
                 curves: vec![Vec::new(); Curve::WITH_ROUND_VALUES.len()],
                 ..RunResult::default()
@@ -192,7 +267,13 @@ impl Replay {
         let mut unmatched: Vec<VecDeque<f64>> = vec![VecDeque::new(); self.result.returns.len()];
         for (episodes, updates) in by_round.values() {
             for row in episodes {
-                self.result.returns[row.agent as usize].push(row.r#return as f32);
+                match self.result.rounding {
+                    // As in a study that runs the scenario itself.
+                    Rounding::SingleRewards => {
+                        self.result.add_return(row.agent as usize, row.r#return);
+                    }
+                    _ => self.result.returns[row.agent as usize].push(row.r#return),
+                }
                 unmatched[row.agent as usize].push_back(row.r#return);
                 self.result.env_steps = row.env_steps;
             }
@@ -229,9 +310,11 @@ impl Replay {
     /// Whether the newest full window reaches the threshold.
     fn is_solved(&self) -> bool {
         self.threshold.is_some_and(|threshold| {
-            let window = threshold.window.get() as usize;
-            let start = self.team_returns.len().checked_sub(window);
-            start.is_some_and(|start| mean(&self.team_returns[start..]) >= threshold.r#return.get())
+            let threshold = threshold.threshold();
+            let start = self.team_returns.len().checked_sub(threshold.window);
+            start.is_some_and(|start| {
+                threshold.is_reached_by(&self.team_returns[start..], self.result.rounding)
+            })
         })
     }
 }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::scenario::Threshold;
 use seedbed_env::input::Located;
 use seedbed_env::input::numbers::{Count, FiniteNumber, ranged_count};
 
@@ -89,6 +90,17 @@ pub struct SolvedAt {
     /// Number of episodes of each agent.
     #[serde(default = "default_window")]
     pub window: Count,
+}
+
+impl SolvedAt {
+    /// The threshold.
+    #[must_use]
+    pub fn threshold(self) -> Threshold {
+        Threshold {
+            r#return: self.r#return.get(),
+            window: self.window.get() as usize,
+        }
+    }
 }
 
 fn default_window() -> Count {

@@ -1,6 +1,7 @@
 //! `claims.md`: one row per claim, to be included in other documents.
 
 use super::format;
+use super::tables::note_about_early_ends;
 use crate::study::claims::ClaimResult;
 use crate::study::file::Claim;
 use crate::study::gate::gates;
@@ -17,6 +18,12 @@ pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> Stri
     if let Some(exploration) = &results.study.exploration {
         for gate in gates(results) {
             text += &paragraph(&gate.sentence(*exploration.measure));
+        }
+    }
+    for measure in results.measures_of_claims() {
+        let note = note_about_early_ends(results, measure);
+        if !note.is_empty() {
+            text += &format!("\n{}: {note}\n", markdown_cell(&measure.title()));
         }
     }
     if let (Some(lock), Some(audit)) = (&results.manifest.lock, &results.audit) {

@@ -49,10 +49,25 @@ pub(super) fn time(value: f64) -> String {
     }
 }
 
+/// Bounds with a smaller magnitude than this share of the width of their interval are errors of the
+/// search for them, and are shown as 0.
+const ERROR_OF_BOUNDS: f64 = 1e-6;
+
 /// An interval, such as `80 to 134`.
 pub(super) fn interval(interval: Interval) -> String {
     match interval {
-        Interval::Known { low, high } => format!("{} to {}", number(low), number(high)),
+        Interval::Known { low, high } => {
+            let width = if (high - low).is_finite() {
+                high - low
+            } else {
+                0.0
+            };
+            let bound = |value: f64| {
+                let is_error = value.abs() < ERROR_OF_BOUNDS * width;
+                number(if is_error { 0.0 } else { value })
+            };
+            format!("{} to {}", bound(low), bound(high))
+        }
         Interval::TooFewRuns { n: 1 } => "none: 1 run is too few".to_owned(),
         Interval::TooFewRuns { n } => format!("none: {n} runs are too few"),
     }
@@ -204,6 +219,28 @@ mod tests {
         assert_eq!(
             [0.03125, 0.00002].map(p_equation),
             ["p = 0.0312", "p < 0.0001"]
+        );
+    }
+
+    #[test]
+    fn bounds_near_0_are_0() {
+        let texts = [
+            [-9.2e-9, 0.5],
+            [-3.0, 2e-7],
+            [-9.2e-9, 1e-8],
+            [f64::NEG_INFINITY, -1e-8],
+            [0.0, 0.0],
+        ]
+        .map(|[low, high]| interval(Interval::Known { low, high }));
+        assert_eq!(
+            texts,
+            [
+                "0 to 0.5",
+                "−3 to 0",
+                "−0.0000000092 to 0.00000001",
+                "−∞ to −0.00000001",
+                "0 to 0"
+            ]
         );
     }
 

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::tables::Table;
+use super::tables::{Table, note_about_early_ends};
 use super::{ReportFigure, format, states};
 use crate::record::difference_of_quantities;
 use crate::study::claims::ClaimResult;
@@ -115,6 +115,10 @@ fn warnings(results: &Results) -> Markup {
                 "In cell `{cell}` the policy loss was 0 in all rounds of all runs: agents acted by their initial \
                  policies. Such a cell is not a baseline of learning."
             )))
+        }
+        @for measure in results.measures() {
+            @let note = note_about_early_ends(results, measure);
+            @if !note.is_empty() { (warning(&format!("Not known of all runs: {}.", measure.title()), &note)) }
         }
         @for sentence in unequal_thresholds(results) {
             (warning("Unequal thresholds.", &sentence))
@@ -666,9 +670,9 @@ mod tests {
 
     /// A run with a threshold and the returns of two agents. The second agent has the constant
     /// return `return_of_second_agent`.
-    fn run(seed: u64, return_of_second_agent: f32) -> RunResult {
-        let returns: Vec<f32> = (0..40)
-            .map(|episode| episode as f32 + seed as f32)
+    fn run(seed: u64, return_of_second_agent: f64) -> RunResult {
+        let returns: Vec<f64> = (0..40)
+            .map(|episode| f64::from(episode) + seed as f64)
             .collect();
         RunResult {
             returns: vec![returns, vec![return_of_second_agent; 40]],
@@ -677,7 +681,7 @@ mod tests {
         }
     }
 
-    fn cell(name: &str, max_episodes: u32, return_of_second_agent: f32) -> CellResults {
+    fn cell(name: &str, max_episodes: u32, return_of_second_agent: f64) -> CellResults {
         let description = ManifestCell {
             name: name.to_owned(),
             digest: String::new(),

@@ -62,7 +62,7 @@ fn episodes_of(run: &RunResult, states: &VisitedStates, width: usize) -> Vec<Sam
         let sampled = episodes.entry((agent, episode)).or_insert(SampledEpisode {
             agent,
             episode,
-            r#return: r#return.copied().unwrap_or(f32::NAN),
+            r#return: r#return.map_or(f32::NAN, |&value| value as f32),
             states: Vec::new(),
         });
         sampled.states.extend_from_slice(state);

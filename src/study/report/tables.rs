@@ -10,7 +10,7 @@ use crate::study::cost::{Cost, costs};
 use crate::study::file::Scaling;
 use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
-use crate::study::scaling::{self, Method, TeamSize};
+use crate::study::scaling::{self, Method, Ratio, TeamSize};
 use crate::text::markdown_cell;
 use seedbed_stats::Estimate;
 use seedbed_stats::shares::wilson_interval;
@@ -20,6 +20,8 @@ pub(super) struct Table {
     pub(super) title: String,
     pub(super) head: Vec<&'static str>,
     pub(super) rows: Vec<Vec<String>>,
+    /// What a reader must know of the rows; empty if nothing.
+    pub(super) note: String,
 }
 
 /// All tables of the report: one of costs, one per measure, and one of comparisons between cells.
@@ -62,7 +64,11 @@ impl Table {
             .map(escaped)
             .map(|row| markdown_row(&mut row.iter().map(String::as_str)))
             .collect();
-        format!("## {}\n\n{head}{separator}{rows}", self.title)
+        let note = match self.note.as_str() {
+            "" => String::new(),
+            note => format!("\n{}\n", markdown_cell(note)),
+        };
+        format!("## {}\n\n{head}{separator}{rows}{note}", self.title)
     }
 }
 
@@ -98,6 +104,7 @@ fn cost_table(results: &Results) -> Table {
             "E(K)",
         ],
         rows: costs(results).iter().map(row).collect(),
+        note: String::new(),
     }
 }
 
@@ -114,11 +121,15 @@ fn scaling_tables(results: &Results) -> Vec<Table> {
 }
 
 fn team_sizes_table(results: &Results, scaling: &Scaling) -> Table {
-    let optional = |estimate: Option<Estimate>| estimate.map_or("–".to_owned(), format::estimate);
+    let optional = |ratio: Option<Ratio>| match ratio {
+        None => "–".to_owned(),
+        Some(Ratio::OfItself) => format::number(1.0),
+        Some(Ratio::Estimated(estimate)) => format::estimate(estimate),
+    };
     let row = |team: &TeamSize<'_>| {
         let efficiency = team
             .speedup
-            .map(|speedup| speedup.value / f64::from(team.agents));
+            .map(|speedup| speedup.value() / f64::from(team.agents));
         vec![
             team.cell.to_owned(),
             team.agents.to_string(),
@@ -142,6 +153,7 @@ fn team_sizes_table(results: &Results, scaling: &Scaling) -> Table {
             "D(K)",
         ],
         rows: sizes.iter().map(row).collect(),
+        note: String::new(),
     }
 }
 
@@ -163,6 +175,7 @@ fn slopes_table(results: &Results, measure: Measure) -> Table {
         ),
         head: vec!["method", "K", "slope (95 % interval)"],
         rows: slopes.iter().map(row).collect(),
+        note: String::new(),
     }
 }
 
@@ -184,7 +197,34 @@ fn measure_table(results: &Results, measure: Measure) -> Table {
         title: measure.title(),
         rows: results.cells.par_iter().map(row).collect(),
         head,
+        note: note_about_early_ends(results, measure),
     }
+}
+
+/// Which runs ended before the episode of a measure, so that it is not known of them; empty if none.
+pub(super) fn note_about_early_ends(results: &Results, measure: Measure) -> String {
+    let Some(episode) = measure.needed_episode() else {
+        return String::new();
+    };
+    let cells = results.cells.iter().filter_map(|cell| {
+        let (runs, known) = (cell.costs.len(), cell.scores(measure).len());
+        (known < runs).then(|| {
+            format!(
+                "{} of {runs} runs of {}",
+                runs - known,
+                cell.description.name
+            )
+        })
+    });
+    let cells: Vec<String> = cells.collect();
+    if cells.is_empty() {
+        return String::new();
+    }
+    format!(
+        "Unknown of runs that ended before episode {episode}, which are left out here and in comparisons: {}. With \
+         `held: true`, they keep their last value.",
+        cells.join("; ")
+    )
 }
 
 /// Columns behind the number of runs, those of [`aggregate_cells`].
@@ -263,7 +303,12 @@ fn comparisons_table(results: &Results) -> Option<Table> {
         "difference (95 % interval)",
         "P(below)",
     ];
-    (!rows.is_empty()).then_some(Table { title, head, rows })
+    (!rows.is_empty()).then_some(Table {
+        title,
+        head,
+        rows,
+        note: note_about_early_ends(results, measure),
+    })
 }
 
 /// Compares two cells in the main measure, paired if runs of equal run seeds share something.
@@ -282,7 +327,11 @@ fn compare_cells(results: &Results, cell: &CellResults, first: &CellResults) -> 
         && quantity != Quantity::Share
         && !is_external(cell)
         && !is_external(first);
-    let samples = Samples::new(scores[0], scores[1], quantity, paired)?;
+    let names = [cell, first].map(|cell| cell.description.name.as_str());
+    let is_reversed = results
+        .study
+        .compares_in_reverse(measure, names[0], names[1]);
+    let samples = Samples::in_direction(is_reversed, scores[0], scores[1], quantity, paired)?;
     Some(samples.compare(&*samples.test()))
 }
 

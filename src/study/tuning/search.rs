@@ -187,7 +187,12 @@ impl Score {
             (Some(_), _) => Self::NotReached(horizon),
             (None, Some(value)) if value.is_finite() => Self::Value(value),
             (None, Some(value)) => Self::Failed(format!("its measure is {value}")),
-            (None, None) => Self::Failed("it does not have the measure".to_owned()),
+            (None, None) => Self::Failed(match measure.needed_episode() {
+                Some(episode) => format!(
+                    "it ended before episode {episode}; expected `held: true` in the measure"
+                ),
+                None => "it does not have the measure".to_owned(),
+            }),
         }
     }
 

@@ -353,7 +353,7 @@ fn first_returns(study: &Stopped) -> [f32; 3] {
     let folder = seedbed::study::store::StudyFolder::new(&study.out);
     let stored = folder.stored_run(&plan.runs()[0]).unwrap();
     let returns = &stored.outcome.unwrap().returns[0];
-    [returns[0], returns[1], returns[2]]
+    [0, 1, 2].map(|episode| returns[episode] as f32)
 }
 
 /// A forged number in a checkpoint is in the result, so that the run did not start from its beginning.

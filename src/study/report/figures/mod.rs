@@ -11,7 +11,7 @@ use self::scaling::{Differences, differences, scaling};
 use self::visitation::visitation;
 use super::ReportFigure;
 use crate::study::figure::Figure;
-use crate::study::measure::{Curve, to_f64, trailing_means};
+use crate::study::measure::{Curve, trailing_means};
 use crate::study::results::{CellResults, Results};
 use seedbed_figure::color::{AGENT_COLORS, TEAM_COLOR, agent_color, categorical_color};
 use seedbed_figure::{Curves, Figure as Picture, Panel, Row, Series, Threshold};
@@ -376,14 +376,14 @@ fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
             .map(<[f64; 2]>::from)
             .collect()
     };
-    let agent_series = |(agent, returns): (u32, &Vec<f32>)| Series {
+    let agent_series = |(agent, returns): (u32, &Vec<f64>)| Series {
         name: match agent {
             0..AGENT_COLORS => format!("agent {agent}"),
             AGENT_COLORS => "other agents".to_owned(),
             _ => String::new(),
         },
         color: agent_color(agent),
-        points: curve(&to_f64(returns)),
+        points: curve(returns),
         ..Series::default()
     };
     let mean = Series {

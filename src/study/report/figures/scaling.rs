@@ -268,7 +268,11 @@ fn difference(
         .min(partner.description.max_episodes);
     let quantity = Quantity::of(measure, horizon.into());
     let paired = !results.study.pairs_share.is_empty() && quantity != Quantity::Share;
-    let samples = Samples::new(scores[0], scores[1], quantity, paired)?;
+    let names = [cell, partner].map(|cell| cell.description.name.as_str());
+    let is_reversed = results
+        .study
+        .compares_in_reverse(measure, names[0], names[1]);
+    let samples = Samples::in_direction(is_reversed, scores[0], scores[1], quantity, paired)?;
     let effect = samples.compare(&*samples.test()).effect;
     let value_on = |axis: &str| {
         name.split(", ")
