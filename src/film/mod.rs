@@ -111,6 +111,9 @@ struct Bodies {
 /// Number of states that are drawn at the end of the film.
 const MAX_LINES: usize = 600;
 
+/// Maximum number of observations with an axis. More would be narrower than a pixel.
+const MAX_AXES: usize = 100;
+
 /// Maximum number of agents with a curve of their own.
 const MAX_AGENT_CURVES: usize = 16;
 
@@ -165,7 +168,7 @@ impl Film {
             episodes: EpisodeSelection::all(),
             conditions: Vec::new(),
             sample_size: MAX_LINES / agent_count.clamp(1, MAX_LINES),
-            axes: (0..axes.all().len()).collect(),
+            axes: (0..axes.all().len().min(MAX_AXES)).collect(),
             pairs: Vec::new(),
         };
         let selected = selection.select(recording, |_| on_episode())?;
@@ -179,6 +182,7 @@ impl Film {
             axes: axes
                 .all()
                 .iter()
+                .take(MAX_AXES)
                 .map(|axis| plotting::axis(&axis.quantity))
                 .collect(),
             states: in_order_of_episodes(selected),

@@ -282,7 +282,8 @@ impl TerminalSummary<'_> {
             .iter()
             .map(|distribution| label(distribution).chars().count())
             .max()
-            .unwrap_or(0);
+            .unwrap_or(0)
+            .min(MAX_NAME_WIDTH);
         let states = with_thousands_separators(stats.distributions[0].count);
         let mut text = format!(
             "{}\n  {:name_width$} {:>10} {:>10} {:>10} {:>22} {:>8}\n",
@@ -335,6 +336,9 @@ impl TerminalSummary<'_> {
         )
     }
 }
+
+/// Maximum width of the column of names; longer names shift the rest of their row.
+const MAX_NAME_WIDTH: usize = 200;
 
 /// Row of the table of observations, with a name column of `name_width` characters.
 fn distribution_row(distribution: &ValueDistribution, name_width: usize) -> String {

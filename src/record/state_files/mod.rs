@@ -9,6 +9,9 @@
 mod episodes;
 mod frames;
 mod header;
+mod salvage;
+
+pub use salvage::{SalvagedStates, salvage};
 
 use std::collections::BTreeMap;
 use std::fs;
