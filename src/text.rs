@@ -166,9 +166,10 @@ pub fn align_columns(rows: &[Vec<String>]) -> Vec<String> {
     let columns = rows.first().map_or(0, Vec::len);
     let widths: Vec<usize> = (0..columns).map(width).collect();
     let line = |row: &Vec<String>| {
-        let mut line = format!("{:<1$}", row[0], widths[0]);
+        let padding = |cell: &String, width: usize| " ".repeat(width - cell.chars().count());
+        let mut line = row[0].clone() + &padding(&row[0], widths[0]);
         for (cell, width) in row.iter().zip(&widths).skip(1) {
-            line += &format!("  {cell:>width$}");
+            line += &format!("  {}{cell}", padding(cell, *width));
         }
         line.trim_end().to_owned()
     };
@@ -184,6 +185,12 @@ mod tests {
         let rows = [["run", "σ"], ["a", "0.5"]].map(|row| row.map(str::to_owned).to_vec());
         assert_eq!(align_columns(&rows), ["run    σ", "a    0.5"]);
         assert!(align_columns(&[]).is_empty());
+        // The width in a format has 16 bits.
+        let long = [
+            ["x".repeat(70_000), "1".to_owned()].to_vec(),
+            rows[1].clone(),
+        ];
+        assert_eq!(align_columns(&long)[1].chars().count(), 70_000 + 2 + 3);
     }
 
     #[test]

@@ -2,15 +2,17 @@
 
 use std::path::PathBuf;
 
-use super::execution::lock_folder;
+use super::execution::{jobs, lock_folder};
 use super::study::check_same_study;
-use super::{CliError, pluralize};
+use super::{CliError, StudyArgs, pluralize, verify};
 use seedbed::study::merge::{self, MergeError, Merged};
 use seedbed::study::plan::StudyPlan;
 use seedbed::study::provenance::format_build_id;
+use seedbed::study::runner;
 use seedbed::study::store::StudyFolder;
 
 pub(super) fn merge(
+    args: &StudyArgs,
     plan: &StudyPlan,
     target: &StudyFolder,
     directories: &[PathBuf],
@@ -21,8 +23,58 @@ pub(super) fn merge(
     }
     check_same_study(plan, target)?;
     let _lock = lock_folder(target, true)?;
+    if args.unverified {
+        note!(
+            "warning: no run is repeated: nothing shows that the directories have what runs give"
+        );
+    } else {
+        repeat_a_run_of_each(args, plan, target, &sources)?;
+    }
     let merged = merge::merge(plan, target, &sources).map_err(|error| merge_error(&error))?;
     print_merged(plan, target, &merged);
+    Ok(())
+}
+
+/// Repeats a random run of each directory, of those that are new.
+fn repeat_a_run_of_each(
+    args: &StudyArgs,
+    plan: &StudyPlan,
+    target: &StudyFolder,
+    sources: &[StudyFolder],
+) -> Result<(), CliError> {
+    let draw = verify::draw(args)?;
+    let runs = plan.distinct_runs();
+    for (number, source) in (0..).zip(sources) {
+        let mut new = runs.clone();
+        new.retain(|run| {
+            run.name.is_none()
+                && source.stored_run(run).is_some()
+                && target.stored_run(run).is_none()
+        });
+        let Some(run) = draw.choose_one(&new, number) else {
+            continue;
+        };
+        let chosen = [run];
+        let differing = verify::repeat(plan, &chosen, &|runs, stop, on_verified| {
+            runner::verify(runs, source, jobs(&args.execution), stop, on_verified);
+        })?;
+        if !differing.is_empty() {
+            let file = source.result_file(&run.cell.digest, run.run_seed);
+            return Err(CliError::Usage(format!(
+                "{}: the run gives another result when it is repeated, so that nothing was copied: the \
+                 file was changed, or comes from other code or another kind of machine; draw {}",
+                file.display(),
+                draw.number()
+            )));
+        }
+        say!(
+            "verified   {}, {} of {}: bit-identical (draw {})",
+            run.cell.name,
+            run.label(),
+            source.path().display(),
+            draw.number()
+        );
+    }
     Ok(())
 }
 

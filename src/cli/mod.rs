@@ -40,6 +40,7 @@ mod replay;
 mod report;
 mod run;
 mod runs;
+mod salvage;
 mod sparkline;
 mod study;
 mod submit;
@@ -166,6 +167,8 @@ Existing files are never overwritten.")]
     Evaluate(EvaluateArgs),
     /// Record episodes of the trained policies of a run, including the moving bodies
     Replay(ReplayArgs),
+    /// Take what is whole out of a damaged recording, run or study
+    Salvage(salvage::SalvageArgs),
     /// List runs with their main results
     Runs(runs::RunsArgs),
     /// Summarize a run: returns, coverage, differences between agents, observed ranges
@@ -408,16 +411,23 @@ struct StudyArgs {
     #[arg(long, value_name = "N", default_value_t = 1001, requires = "script")]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=4_000_001))]
     max_tasks: u32,
-    /// Copy the stored runs of this study from other directories, such as those of other clusters, and
-    /// run nothing. If a file is damaged or results differ, nothing is copied
+    /// Copy the stored runs of this study from other directories, such as those of other clusters. One run
+    /// of each, drawn at random, is repeated before. If a file is damaged or results differ, nothing is copied
     #[arg(long, value_name = "DIR", num_args = 1..)]
     #[arg(conflicts_with_all = ["list", "index", "shard", "verify", "power", "register", "retry"])]
     merge: Vec<PathBuf>,
     /// Repeat N stored or published runs, or a share such as 2%, and check that results are
-    /// bit-identical; stored results are not changed [default: 10]
+    /// bit-identical; stored results are not changed. The runs are drawn at random: at least one of each
+    /// cell, and two in all [default: 10]
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "10")]
     #[arg(conflicts_with_all = ["list", "index", "retry"])]
     verify: Option<verify::Amount>,
+    /// Repeat no run before --merge
+    #[arg(long, requires = "merge")]
+    unverified: bool,
+    /// Repeat the random choice of runs that --verify or --merge printed with this number [default: a new choice]
+    #[arg(long, value_name = "NUMBER")]
+    draw: Option<u64>,
     /// Print the number of runs that each confirmatory claim needs, and run nothing
     #[arg(long, conflicts_with_all = ["list", "index", "retry", "verify", "quick"])]
     power: bool,
@@ -573,6 +583,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Tune(args) => tune::tune(&args),
         Command::Report(args) => report::report(&args),
         Command::Submit(args) => submit::submit(&args),
+        Command::Salvage(args) => salvage::salvage(&args),
         Command::Runs(args) => runs::runs(&args),
         Command::Replay(args) => replay::replay(&args),
         Command::Inspect(args) => inspect::inspect(&args),

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::{CliError, ReportArgs};
 use seedbed::study::claims::{self, ClaimResult};
+use seedbed::study::completeness;
 use seedbed::study::cost::cells_without_policy_gradient;
 use seedbed::study::gate::gates;
 use seedbed::study::published;
@@ -33,6 +34,14 @@ fn publish(folder: &StudyFolder, parent: &Path) -> Result<(), CliError> {
         return Err(CliError::Usage(message));
     }
     let results = read(folder)?;
+    let missing = completeness::missing_runs(&results);
+    if missing > 0 {
+        return Err(CliError::Usage(format!(
+            "{}: {}; only complete results are published: run the study first",
+            folder.path().display(),
+            completeness::missing_sentence(&results, missing)
+        )));
+    }
     let claim_results = claims::evaluate(&results);
     let written = published::write(&results, &claim_results, parent);
     let written = written.map_err(|error| write_error(parent, &error))?;

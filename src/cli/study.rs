@@ -10,6 +10,7 @@ use super::execution::{
     print_failures, print_finished, warn_of_damaged_files,
 };
 use super::{CliError, StudyArgs, job_script, memory, merge, pluralize, report, verify};
+use seedbed::input_files;
 use seedbed::study::plan::StudyPlan;
 use seedbed::study::power::powers;
 use seedbed::study::registration::{Lock, RegistrationError};
@@ -63,7 +64,7 @@ fn execute(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<u
     } else if args.script.is_some() {
         job_script::print(args, plan, folder)?;
     } else if !args.merge.is_empty() {
-        merge::merge(plan, folder, &args.merge)?;
+        merge::merge(args, plan, folder, &args.merge)?;
     } else if let Some(index) = args.index {
         return run_one(args, plan, folder, index);
     } else if let Some(shard) = args.shard {
@@ -97,6 +98,7 @@ fn option_for_one_study(args: &StudyArgs) -> Option<&'static str> {
 
 /// Reads a study and, with `--confirm`, its lock.
 fn load(args: &StudyArgs, path: &Path) -> Result<StudyPlan, CliError> {
+    input_files::accept_stream(path);
     // Before they exist, results of others can be registered, and are missing in a confirmation.
     let plan = if args.register || args.confirm {
         StudyPlan::load_before_results(path, args.quick)?

@@ -1,4 +1,5 @@
-//! `seedbed study --verify`: repeats stored or published runs, and compares their bits.
+//! `seedbed study --verify`: repeats stored or published runs that are drawn at random, and compares their
+//! bits.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -9,7 +10,9 @@ use super::execution::{LOCK_IS_INTACT, damage_message, damaged_file, describe_ru
 use super::interruption::StopRequests;
 use super::progress::StudyProgress;
 use super::study::check_same_study;
-use super::{CliError, StudyArgs, pluralize};
+use super::{CliError, StudyArgs, pluralize, report};
+use seedbed::study::completeness;
+use seedbed::study::draw::Draw;
 use seedbed::study::plan::{PlannedRun, StudyPlan};
 use seedbed::study::published::{self, PublishedRuns};
 use seedbed::study::runner;
@@ -54,7 +57,8 @@ impl Amount {
 }
 
 /// Repeats some of the stored runs and compares the results; if there are none in `folder`, some of
-/// those that are published beside the study. Returns the number of runs whose result differs.
+/// those that are published beside the study. Returns the number of runs whose result differs or is
+/// missing.
 pub(super) fn verify(
     args: &StudyArgs,
     plan: &StudyPlan,
@@ -84,7 +88,8 @@ fn verify_stored(
         return Err(CliError::Usage(damage_message(&path)));
     }
     let is_stored = |run: &PlannedRun<'_>| folder.stored_run(run).is_some();
-    let chosen = choose(runs, is_stored, amount, folder)?;
+    let chosen = choose(args, runs, is_stored, amount, folder)?;
+    let missing = missing_runs(folder)?;
     let differing = repeat(plan, &chosen.runs, &|runs, stop, on_verified| {
         runner::verify(runs, folder, jobs(&args.execution), stop, on_verified);
     })?;
@@ -97,7 +102,7 @@ fn verify_stored(
             folder.runs_folder().display()
         );
     }
-    Ok(differing.len())
+    Ok(differing.len() + missing)
 }
 
 fn verify_published(
@@ -109,12 +114,26 @@ fn verify_published(
     let published = PublishedRuns::read(folder);
     let published = published.map_err(|error| CliError::Usage(error.to_string()))?;
     let is_published = |run: &PlannedRun<'_>| published.contains(run);
-    let chosen = choose(plan.distinct_runs(), is_published, amount, folder)?;
+    let chosen = choose(args, plan.distinct_runs(), is_published, amount, folder)?;
+    let missing = missing_runs(folder)?;
     let differing = repeat(plan, &chosen.runs, &|runs, stop, on_verified| {
         runner::verify_published(runs, &published, jobs(&args.execution), stop, on_verified);
     })?;
     chosen.print(plan, "published", &differing, |_| folder.path().to_owned());
-    Ok(differing.len())
+    Ok(differing.len() + missing)
+}
+
+/// Number of runs whose results are missing, which is printed: without them, others are not verified.
+fn missing_runs(folder: &StudyFolder) -> Result<usize, CliError> {
+    let results = report::read(folder)?;
+    let missing = completeness::missing_runs(&results);
+    if missing > 0 {
+        note!(
+            "missing    {}",
+            completeness::missing_sentence(&results, missing)
+        );
+    }
+    Ok(missing)
 }
 
 /// The runs that are repeated, of all that are there.
@@ -123,7 +142,20 @@ struct Chosen<'a> {
     total: usize,
 }
 
+/// The choice that `--draw` repeats, or a new one.
+pub(super) fn draw(args: &StudyArgs) -> Result<Draw, CliError> {
+    let fresh = || {
+        Draw::fresh().map_err(|error| {
+            CliError::Runtime(format!(
+                "no random numbers from the operating system: {error}; choose a number with --draw"
+            ))
+        })
+    };
+    args.draw.map(Draw::with_number).map_or_else(fresh, Ok)
+}
+
 fn choose<'a>(
+    args: &StudyArgs,
     runs: Vec<PlannedRun<'a>>,
     is_there: impl Fn(&PlannedRun<'_>) -> bool,
     amount: Amount,
@@ -136,18 +168,27 @@ fn choose<'a>(
             folder.path().display()
         )));
     }
-    Ok(Chosen {
-        runs: evenly_spaced(&there, amount.of(there.len())),
+    let draw = draw(args)?;
+    let chosen = Chosen {
+        runs: draw.choose(&there, amount.of(there.len())),
         total: there.len(),
-    })
+    };
+    say!(
+        "draw       {}: {} of {}; to repeat these: --draw={}",
+        draw.number(),
+        chosen.runs.len(),
+        pluralize(chosen.total, "run"),
+        draw.number()
+    );
+    Ok(chosen)
 }
 
 /// Repeats the given runs until the flag is set, and calls the function with whether each is the same.
-type Repeat<'a, 'f> =
+pub(super) type Repeat<'a, 'f> =
     &'f dyn Fn(&'a [PlannedRun<'a>], &AtomicBool, &(dyn Fn(&'a PlannedRun<'a>, bool) + Sync));
 
 /// Repeats runs. Returns those whose result differs, in the order of their indices.
-fn repeat<'a>(
+pub(super) fn repeat<'a>(
     plan: &StudyPlan,
     runs: &'a [PlannedRun<'a>],
     repeat: Repeat<'a, '_>,
@@ -196,13 +237,6 @@ impl Chosen<'_> {
             );
         }
     }
-}
-
-/// `count` of the runs, evenly spaced over the study.
-fn evenly_spaced<'a>(runs: &[PlannedRun<'a>], count: usize) -> Vec<PlannedRun<'a>> {
-    (0..count)
-        .map(|index| runs[index * runs.len() / count])
-        .collect()
 }
 
 #[cfg(test)]

@@ -112,6 +112,9 @@ struct Bodies {
 /// Number of states that are drawn at the end of the film.
 const MAX_LINES: usize = 600;
 
+/// Maximum number of observations with an axis. More would be narrower than a pixel.
+const MAX_AXES: usize = 100;
+
 /// Maximum number of agents with a curve of their own.
 const MAX_AGENT_CURVES: usize = 16;
 
@@ -166,7 +169,7 @@ impl Film {
             episodes: EpisodeSelection::all(),
             conditions: Vec::new(),
             sample_size: MAX_LINES / agent_count.clamp(1, MAX_LINES),
-            axes: (0..axes.all().len()).collect(),
+            axes: (0..axes.all().len().min(MAX_AXES)).collect(),
             pairs: Vec::new(),
             all_axes: axes,
         };
@@ -314,7 +317,7 @@ impl Film {
 /// All axes, with the shares of states of all agents that have no place on them.
 fn axes_of_film(selection: &StateSelection, selected: &[SelectedStates]) -> Vec<Axis> {
     let states = selected.iter().map(|agent| agent.count).sum();
-    let axes = selection.all_axes.all().iter().enumerate();
+    let axes = selection.all_axes.all().iter().enumerate().take(MAX_AXES);
     axes.map(|(index, axis)| {
         let mut unplaced = Unplaced::default();
         selected

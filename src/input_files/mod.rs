@@ -77,6 +77,12 @@ impl FileSource for AllFiles {
     }
 }
 
+/// Allows to read the input that a command-line argument names, if it is a pipe or a process
+/// substitution. Other pipes are refused.
+pub fn accept_stream(path: &Path) {
+    streams::accept(path);
+}
+
 /// Whether the input that a command-line argument names can be read only once: the standard input
 /// (`-`), a pipe, or a process substitution.
 #[must_use]
@@ -153,6 +159,7 @@ pub fn find_argument(path: &Path, directories: &[Directory]) -> Result<PathBuf, 
     if path == Path::new("-") {
         return Ok(streams::STANDARD_INPUT.into());
     }
+    accept_stream(path);
     if AllFiles.is_file(path) {
         return Ok(path.to_owned());
     }

@@ -16,6 +16,17 @@ use super::{
 /// Whether this build can write and read recordings. Builds with the feature `rerun` can.
 pub const AVAILABLE: bool = false;
 
+/// Fails.
+///
+/// # Errors
+/// Always.
+pub fn whole_length(path: &Path) -> Result<(usize, u64), ReadError> {
+    Err(ReadError::Unreadable {
+        path: path.to_owned(),
+        reason: UNAVAILABLE.to_owned(),
+    })
+}
+
 /// The address at which a viewer listens by default.
 pub const DEFAULT_VIEWER: &str = "rerun+http://127.0.0.1:9876/proxy";
 

@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh64::Xxh64;
 
+use seedbed_env::input::limits::open_regular;
+
 /// The beginning of a file. What follows after it was not yet certain to be kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Written {
@@ -38,7 +40,7 @@ impl Written {
     /// # Errors
     /// The file is shorter, has other bytes or cannot be read.
     pub fn check(self, path: &Path) -> io::Result<()> {
-        WrittenHash::of_file(&mut File::open(path)?, self).map(drop)
+        WrittenHash::of_file(&mut open_regular(path)?, self).map(drop)
     }
 }
 

@@ -16,6 +16,7 @@ use super::round_recorder::RecorderStates;
 use super::sealed::{self, Format, SealError};
 use super::trainer::Trainer;
 use crate::record::written::{Written, WrittenFile};
+use seedbed_env::input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
 
 /// The contents of `checkpoint/state.bin`.
 #[derive(Serialize, Deserialize)]
@@ -182,7 +183,7 @@ impl Checkpoint {
     }
 
     fn read_file(path: &Path) -> Result<Self, Damage> {
-        let bytes = fs::read(path)?;
+        let bytes = read_bytes(path, MAX_LARGE_FILE_BYTES)?;
         let contents = sealed::unseal(FORMAT, &bytes)?;
         Ok(postcard::from_bytes(contents)?)
     }

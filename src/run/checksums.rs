@@ -8,7 +8,6 @@
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
-use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -19,6 +18,7 @@ use super::files;
 use super::folder::RunFolder;
 use crate::record::written::WrittenFile;
 use seedbed_env::input::InputError;
+use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, open_regular, read_bytes};
 
 /// Name of the file in the folder of a run.
 pub const FILE_NAME: &str = "SHA256SUMS";
@@ -101,7 +101,7 @@ impl Checksums {
     /// They are damaged themselves, or cannot be read.
     pub fn read(folder: &RunFolder) -> Result<Self, DamagedFile> {
         let path = folder.checksums_file();
-        let sums = match fs::read(&path) {
+        let sums = match read_bytes(&path, MAX_SMALL_FILE_BYTES) {
             Ok(bytes) => Some(parse(&bytes).ok_or_else(|| damaged_checksums(&path))?),
             Err(error) if error.kind() == io::ErrorKind::NotFound => None,
             Err(error) => {
@@ -276,7 +276,7 @@ fn parse(bytes: &[u8]) -> Option<BTreeMap<String, String>> {
 
 fn sha256_of_file(path: &Path) -> io::Result<String> {
     const BLOCK: usize = 1 << 16;
-    let (mut file, mut hash, mut block) = (File::open(path)?, Sha256::new(), vec![0; BLOCK]);
+    let (mut file, mut hash, mut block) = (open_regular(path)?, Sha256::new(), vec![0; BLOCK]);
     loop {
         match file.read(&mut block) {
             Ok(0) => return Ok(format!("{:x}", hash.finalize())),
@@ -294,6 +294,8 @@ pub(crate) fn sha256(bytes: impl AsRef<[u8]>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     /// A finished run with a single table.

@@ -16,6 +16,7 @@ use crate::record::state_files::StateFiles;
 use crate::record::table;
 use crate::scenario::{Scenario, task_name};
 use crate::text::file_stem;
+use seedbed_env::caught_panic;
 
 /// A run with its main results. What is not known is `None`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -91,7 +92,19 @@ const MAX_DEPTH: usize = 6;
 #[must_use]
 pub fn find_runs(folder: &Path) -> Vec<RunOverview> {
     let paths = run_folders(folder);
-    paths.into_iter().map(RunOverview::of).collect()
+    paths.into_iter().map(overview_or_error).collect()
+}
+
+/// The overview of a run. Whatever its files contain, the other runs are listed.
+fn overview_or_error(path: PathBuf) -> RunOverview {
+    caught_panic(|| RunOverview::of(path.clone())).unwrap_or_else(|error| RunOverview {
+        path,
+        state: RunState::Unreadable,
+        error: Some(error),
+        results: Results::default(),
+        written: None,
+        seconds: None,
+    })
 }
 
 /// Directories of all runs in `folder` and its subdirectories, sorted.

@@ -15,6 +15,7 @@ use xxhash_rust::xxh64::Xxh64;
 
 use super::checkpoint::CheckpointError;
 use super::files;
+use seedbed_env::input::limits::open_regular;
 use seedbed_learn::experience::replay::Replay;
 
 /// Number of transitions that are encoded at once.
@@ -190,7 +191,7 @@ fn append(
 
 /// Reads the first `length` bytes of a file.
 fn read_start(path: &Path, length: u64) -> Result<Vec<u8>, String> {
-    let file = File::open(path).map_err(|error| error.to_string())?;
+    let file = open_regular(path).map_err(|error| error.to_string())?;
     let present = file.metadata().map_err(|error| error.to_string())?.len();
     if present < length {
         return Err(format!("is too short: it has {present} of {length} bytes"));

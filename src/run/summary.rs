@@ -1,13 +1,12 @@
 //! The results of a run in a few numbers: `summary.json`.
 
-use std::fs;
-
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::checksums::{Checksums, DamagedFile};
 use super::folder::RunFolder;
 use super::trainer::Trainer;
+use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, read_bytes};
 
 /// The results of a run in a few numbers. What is not known of a run that another program recorded
 /// is `None` or empty.
@@ -123,7 +122,7 @@ pub(super) fn read_verified<T: DeserializeOwned>(
         return Ok(None);
     }
     Checksums::read(folder)?.verify(&path)?;
-    let bytes = fs::read(&path).map_err(|error| error.to_string());
+    let bytes = read_bytes(&path, MAX_SMALL_FILE_BYTES).map_err(|error| error.to_string());
     let read =
         bytes.and_then(|bytes| serde_json::from_slice(&bytes).map_err(|error| error.to_string()));
     read.map(Some)

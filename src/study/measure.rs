@@ -257,6 +257,31 @@ impl Measure {
         }
     }
 
+    /// The smallest and the largest possible value of a run of `agents` agents; of a time, if it was reached
+    /// in a run that ended after `end` episodes or steps.
+    #[must_use]
+    pub fn possible_values(self, agents: u32, end: f64) -> [f64; 2] {
+        const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+        match self {
+            Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::FirstGoal => [1.0, end],
+            Self::Solved | Self::RegretAbove { .. } | Self::Reach | Self::Coverage => [0.0, 1.0],
+            Self::Regret | Self::SpreadOfAgents { .. } => [0.0, f64::INFINITY],
+            Self::FinalReturn { .. } | Self::ReturnAt { .. } | Self::PercentileOfAgents { .. } => {
+                ANY
+            }
+            Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => {
+                match of.metric().range {
+                    Range::Any => ANY,
+                    Range::NotNegative => [0.0, f64::INFINITY],
+                    Range::FromOne => [1.0, f64::INFINITY],
+                    Range::Share => [0.0, 1.0],
+                    Range::Correlation => [-1.0, 1.0],
+                    Range::Agents => [1.0, f64::from(agents)],
+                }
+            }
+        }
+    }
+
     /// Whether smaller values are better.
     #[must_use]
     pub fn is_smaller_better(self) -> bool {

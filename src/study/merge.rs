@@ -2,7 +2,6 @@
 //! Every file is verified before the first is copied.
 
 use std::collections::{BTreeMap, HashSet};
-use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -13,6 +12,7 @@ use super::provenance::BuildId;
 use super::result_file::StoredRun;
 use super::store::{StoreError, StudyFolder, replace_file};
 use crate::text::pluralize;
+use seedbed_env::input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
 
 /// What a merge has done.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -160,7 +160,7 @@ impl StoredFile {
 }
 
 fn read_if_exists(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
-    match fs::read(path) {
+    match read_bytes(path, MAX_LARGE_FILE_BYTES) {
         Ok(bytes) => Ok(Some(bytes)),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
         Err(error) => Err(StoreError {

@@ -15,7 +15,9 @@
 pub mod bench;
 pub mod claims;
 pub mod comparison;
+pub mod completeness;
 pub mod cost;
+pub mod draw;
 pub mod experiment;
 pub mod external;
 pub mod figure;
@@ -36,6 +38,7 @@ pub mod run_marks;
 pub mod run_result;
 pub mod run_source;
 pub mod runner;
+pub mod salvage;
 pub mod scaling;
 pub mod shard;
 pub mod store;

@@ -13,6 +13,7 @@ use super::registration::{Lock, RegistrationError};
 use super::run_source::RunSource;
 use crate::input_files::{self, Directory};
 use crate::text::file_stem;
+use seedbed_env::input::limits::{MAX_CELLS, MAX_RUNS};
 use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
 
 /// A checked study that can be run.
@@ -256,6 +257,7 @@ fn cell_drafts(study: &Study) -> Result<Vec<CellDraft<'_>>, ValidationError> {
         ..CellDraft::default()
     };
     let shared_settings = shared_settings.with_overrides(study.set.iter().map(located_text));
+    check_sizes(study)?;
     let mut drafts = if study.grid.is_empty() {
         Vec::new()
     } else {
@@ -274,6 +276,32 @@ fn cell_drafts(study: &Study) -> Result<Vec<CellDraft<'_>>, ValidationError> {
         });
     }
     Ok(drafts)
+}
+
+/// Checks the numbers of cells and runs before any of them is made.
+fn check_sizes(study: &Study) -> Result<(), ValidationError> {
+    let mut cells = u64::from(!study.grid.is_empty());
+    for axis in &study.grid {
+        cells = cells.saturating_mul(axis.values.len() as u64);
+        if cells > MAX_CELLS {
+            return Err(axis.values.error(format!(
+                "with this axis, the grid has more than {MAX_CELLS} cells; expected at most {MAX_CELLS}"
+            )));
+        }
+    }
+    cells += study.cells.len() as u64;
+    if cells > MAX_CELLS {
+        return Err(study.cells[0].name.error(format!(
+            "the study has {cells} cells; expected at most {MAX_CELLS}"
+        )));
+    }
+    let runs = cells.saturating_mul(study.repeats.get().into());
+    if runs > MAX_RUNS {
+        return Err(study.repeats.error(format!(
+            "the study has {cells} cells, {runs} runs in all; expected at most {MAX_RUNS}"
+        )));
+    }
+    Ok(())
 }
 
 fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Problem> {

@@ -19,6 +19,7 @@ use super::results::{CellResults, Results};
 use super::store::{Manifest, ManifestCell, StoreError, StudyFolder, replace_file, to_json};
 use crate::text::pluralize;
 use seedbed_env::input::InputError;
+use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, read_text};
 use seedbed_stats::family::FAMILY_LEVEL;
 
 /// Number of digits of an id that are shown.
@@ -49,6 +50,10 @@ pub struct Registered {
     pub claims: Vec<String>,
     /// Names of the cells, and hashes of everything on which their runs depend.
     pub cells: Vec<(String, String)>,
+    /// Names of the cells with a scenario, and SHA-256 of everything on which their runs depend.
+    // Not in the hash of locks of earlier versions, which lack them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cell_hashes: Vec<(String, String)>,
     /// SHA-256 of the study file's values, so that no text and no figure can be changed.
     pub study_hash: String,
     /// SHA-256 of the descriptions of the cells in reports, apart from paths.
@@ -169,6 +174,10 @@ impl Registered {
                 .iter()
                 .map(|cell| (cell.name.clone(), cell.digest.clone()))
                 .collect(),
+            cell_hashes: cells
+                .iter()
+                .filter_map(|cell| Some((cell.name.clone(), cell.sha256.clone()?)))
+                .collect(),
             study_hash: sha256(study),
             descriptions_hash: sha256(&without_paths(study, cells)),
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -215,7 +224,8 @@ impl Registered {
         }
         for (name, digest) in &self.cells {
             match other.cells.iter().find(|(other, _)| other == name) {
-                Some((_, other_digest)) if other_digest == digest => {}
+                Some((_, other_digest))
+                    if other_digest == digest && self.has_hash_of(name, other) => {}
                 Some(_) => differences.push(format!(
                     "the scenario, the task or the settings of cell `{name}` were changed"
                 )),
@@ -239,6 +249,19 @@ impl Registered {
             differences.push("the description of a cell was changed".to_owned());
         }
         differences
+    }
+}
+
+impl Registered {
+    /// Whether a cell has the same SHA-256 in `other`, if it has one here.
+    fn has_hash_of(&self, cell: &str, other: &Self) -> bool {
+        let find = |registered: &Self| {
+            let mut hashes = registered.cell_hashes.iter();
+            let found = hashes.find(|(name, _)| name == cell)?;
+            Some(found.1.clone())
+        };
+        let own = find(self);
+        own.is_none() || own == find(other)
     }
 }
 
@@ -279,6 +302,7 @@ fn without_paths(study: &Study, cells: &[ManifestCell]) -> Vec<ManifestCell> {
     let without_path = |cell: &ManifestCell| {
         let cell = ManifestCell {
             scenario: String::new(),
+            sha256: None,
             ..cell.clone()
         };
         let Some(named_cell) = study.external_cell(&cell.name) else {
@@ -367,7 +391,7 @@ impl Lock {
     /// # Errors
     /// If there is none, if it cannot be read, or if it was changed after it was made.
     pub fn read(path: &Path) -> Result<Self, RegistrationError> {
-        let text = match std::fs::read_to_string(path) {
+        let text = match read_text(path, MAX_SMALL_FILE_BYTES) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 return Err(RegistrationError::NotRegistered(path.to_owned()));
@@ -718,6 +742,7 @@ mod tests {
                 ("a".to_owned(), "0".to_owned()),
                 ("b".to_owned(), "1".to_owned()),
             ],
+            cell_hashes: vec![("a".to_owned(), "x".to_owned())],
             study_hash: String::new(),
             descriptions_hash: String::new(),
             version: "1".to_owned(),
@@ -780,6 +805,22 @@ mod tests {
                 "the cell `c` is not in the lock",
             ]
         );
+    }
+
+    /// Cells of locks of earlier versions have no SHA-256; one that is there must be equal.
+    #[test]
+    fn the_sha256_of_a_cell_must_be_that_of_the_lock() {
+        let locked = registered(&["p"], &[10]);
+        let differences =
+            ["the scenario, the task or the settings of cell `a` were changed".to_owned()];
+        for other in [vec![], vec![("a".to_owned(), "y".to_owned())]] {
+            let mut changed = locked.clone();
+            changed.cell_hashes = other;
+            assert_eq!(locked.differences(&changed), differences);
+        }
+        let mut earlier = locked.clone();
+        earlier.cell_hashes.clear();
+        assert_eq!(earlier.differences(&locked), [""; 0]);
     }
 
     #[test]

@@ -28,6 +28,7 @@ use crate::run::checkpoint_schedule::CheckpointSchedule;
 use crate::run::files::Replacement;
 use crate::run::sealed::{self, Format, SealError};
 use crate::run::trainer::Trainer;
+use seedbed_env::input::limits::open_regular;
 use seedbed_learn::experience::replay::Replay;
 
 /// Extension of checkpoints.
@@ -422,15 +423,16 @@ enum Damage {
 impl Contents {
     /// Reads and verifies the checkpoint of a run; `None` if there is none.
     fn read(path: &Path, run: &RunIdentity) -> Result<Option<Self>, Damage> {
-        let mut file = match File::open(path) {
+        let mut file = match open_regular(path) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             file => file?,
         };
         let (head_bytes, head) = read_head(&mut file)?;
         run.check_same(&head.run)?;
-        let mut rest = Vec::new();
-        file.read_to_end(&mut rest)?;
         let expected = head.length_of_rest();
+        let mut rest = Vec::new();
+        file.take(expected.saturating_add(1))
+            .read_to_end(&mut rest)?;
         if rest.len() as u64 != expected {
             let before = head_bytes.len() as u64;
             return Err(SealError::Length {
@@ -511,7 +513,7 @@ fn read_head(file: &mut impl Read) -> Result<(Vec<u8>, Head), Damage> {
 /// How far the checkpoint of a run is; `None` if there is none, or if it is not of this build. Only its
 /// head is read.
 pub(super) fn progress(path: &Path) -> Option<SavedProgress> {
-    let (_, head) = read_head(&mut File::open(path).ok()?).ok()?;
+    let (_, head) = read_head(&mut open_regular(path).ok()?).ok()?;
     (Some(head.run.build) == provenance::build_id()).then_some(head.progress)
 }
 

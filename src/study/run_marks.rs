@@ -14,6 +14,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
+use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, read_bytes};
+
 /// Extension of marks.
 pub(super) const EXTENSION: &str = "running";
 
@@ -136,7 +138,7 @@ fn slurm_job(variable: impl Fn(&str) -> Option<String>) -> Option<String> {
 
 /// A mark that was found, and whether its run is still executed. `None` if there is none.
 pub(super) fn find(path: &Path) -> Option<(RunMark, bool)> {
-    let bytes = fs::read(path).ok()?;
+    let bytes = read_bytes(path, MAX_SMALL_FILE_BYTES).ok()?;
     let modified = fs::metadata(path).and_then(|metadata| metadata.modified());
     // A clock that is behind makes heartbeats of the future.
     let silence = modified.ok()?.elapsed().unwrap_or_default();

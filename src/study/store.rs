@@ -16,10 +16,14 @@ pub use super::result_file::StoredRun;
 use super::run_checkpoint::{self, SavedProgress};
 use super::run_marks::{self, RunMark};
 use super::run_result::RunResult;
+use crate::input_files;
 use crate::run::file_lock::FileLock;
 use crate::run::{checksums, files};
 use seedbed_env::Quantity;
 use seedbed_env::input;
+use seedbed_env::input::limits::{
+    MAX_LARGE_FILE_BYTES, MAX_SMALL_FILE_BYTES, read_bytes, read_text,
+};
 
 /// Folder with the results of a study.
 #[derive(Clone, Debug)]
@@ -91,6 +95,9 @@ pub struct ManifestCell {
     pub name: String,
     /// Hash of everything on which its runs depend, except their run seeds.
     pub digest: String,
+    /// SHA-256 of everything that `digest` is a hash of. Earlier versions had none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
     /// Path of its scenario.
     pub scenario: String,
     /// Values that are replaced in the scenario, each as `path=value`.
@@ -143,7 +150,7 @@ impl StudyFolder {
     /// lacks the visited states for one of `windows`.
     #[must_use]
     pub fn find_run(&self, digest: &str, run_seed: u64, windows: &[u32]) -> Option<StoredRun> {
-        let bytes = std::fs::read(self.result_file(digest, run_seed)).ok()?;
+        let bytes = read_bytes(&self.result_file(digest, run_seed), MAX_LARGE_FILE_BYTES).ok()?;
         let stored = StoredRun::from_bytes(&bytes)?;
         let matches_request = stored.digest == digest && stored.run_seed == run_seed;
         (matches_request && stored.has_windows(windows)).then_some(stored)
@@ -311,7 +318,7 @@ impl StudyFolder {
             manifest.add_history(other.new_manifest(plan)?);
         }
         let text = manifest.to_json();
-        if std::fs::read_to_string(&path).is_ok_and(|stored_text| stored_text == text) {
+        if read_text(&path, MAX_SMALL_FILE_BYTES).is_ok_and(|stored_text| stored_text == text) {
             return Ok(());
         }
         replace_file(path, text.as_bytes())
@@ -383,7 +390,7 @@ impl StudyFolder {
     /// If there is no manifest, or if it is damaged or cannot be read.
     pub fn manifest(&self) -> Result<Manifest, StoreError> {
         let path = self.manifest_file();
-        let text = std::fs::read_to_string(&path).map_err(|error| error.to_string());
+        let text = read_text(&path, MAX_SMALL_FILE_BYTES).map_err(|error| error.to_string());
         let manifest = text.and_then(|text| {
             has_own_checksum(&text)?;
             serde_json::from_str(&text).map_err(|error| error.to_string())
@@ -409,7 +416,7 @@ impl StudyFolder {
     /// As [`manifest`](Self::manifest).
     pub fn manifest_has_checksum(&self) -> Result<bool, StoreError> {
         let path = self.manifest_file();
-        let text = std::fs::read_to_string(&path).map_err(|error| error.to_string());
+        let text = read_text(&path, MAX_SMALL_FILE_BYTES).map_err(|error| error.to_string());
         text.and_then(|text| has_own_checksum(&text))
             .map_err(|reason| StoreError { path, reason })
     }
@@ -531,7 +538,8 @@ impl Manifest {
         let cell = |cell: &super::plan::Cell| ManifestCell {
             name: cell.name.clone(),
             digest: cell.digest.clone(),
-            scenario: cell.scenario.clone(),
+            sha256: cell.source.sha256(),
+            scenario: shown_path(&cell.scenario),
             overrides: cell.overrides.clone(),
             agents: cell.source.agents(),
             max_episodes: cell.source.max_episodes(),
@@ -542,7 +550,7 @@ impl Manifest {
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             name: plan.name.clone(),
-            study_path: plan.path.display().to_string(),
+            study_path: shown_path(&plan.path.display().to_string()),
             study: plan.document.text.clone(),
             quick: plan.quick,
             lock: plan.lock.clone(),
@@ -555,6 +563,18 @@ impl Manifest {
             read_results: Vec::new(),
         }
     }
+}
+
+/// A path as results contain it, which others may read: relative to the working directory, or without
+/// its folders, whose names are nobody's business.
+fn shown_path(path: &str) -> String {
+    let relative = input_files::relative_path(Path::new(path));
+    let shown = if relative.is_absolute() {
+        relative.file_name().map(PathBuf::from)
+    } else {
+        Some(relative)
+    };
+    shown.map_or_else(|| path.to_owned(), |shown| shown.display().to_string())
 }
 
 /// A run of others that a registered study has read.

@@ -15,6 +15,7 @@ use sha2::{Digest, Sha256};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
+use super::completeness;
 use super::experiment;
 use super::plan::StudyPlan;
 use super::published::{self, Builds};
@@ -24,6 +25,7 @@ use super::{provenance, store};
 use crate::input_files::{self, Directory};
 use crate::run::files;
 use seedbed_env::input::InputError;
+use seedbed_env::input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
 
 /// Why a study cannot be submitted.
 #[derive(Debug, thiserror::Error)]
@@ -147,7 +149,7 @@ pub fn write(plan: &StudyPlan, results: &Results, path: &Path) -> Result<Packed,
         sha256: hashes(&files),
     };
     let description = store::to_json(&description).into_bytes();
-    files.insert("submission.json".into(), description);
+    files.insert(published::SUBMISSION.into(), description);
     let folder = name(plan)?;
     let archive = zip(&folder, &files).map_err(|error| file_error(path, error))?;
     files::replace(path, &archive).map_err(|error| file_error(path, error))?;
@@ -169,8 +171,9 @@ fn check_results(results: &Results) -> Result<(), SubmissionError> {
     if let Some(sentence) = broken {
         return Err(SubmissionError::Broken(sentence.clone()));
     }
-    let [finished, failed, missing] = results.run_counts();
+    let missing = completeness::missing_runs(results);
     if missing > 0 {
+        let [finished, failed, _] = results.run_counts();
         let total = finished + failed + missing;
         return Err(SubmissionError::Incomplete { missing, total });
     }
@@ -230,7 +233,8 @@ fn within(root: &Path, path: &Path) -> PathBuf {
 
 fn read_all(root: &Path, paths: &[PathBuf]) -> Result<Files, SubmissionError> {
     let read = |path: &PathBuf| {
-        let bytes = std::fs::read(path).map_err(|error| file_error(path, error))?;
+        let bytes =
+            read_bytes(path, MAX_LARGE_FILE_BYTES).map_err(|error| file_error(path, error))?;
         Ok((within(root, path), bytes))
     };
     paths.iter().map(read).collect()

@@ -213,6 +213,50 @@ fn env_and_learn_use_no_threads_clocks_hash_maps_or_files() {
     }
 }
 
+/// Files are opened for reading by `input::limits`, which refuses pipes and devices and limits sizes. The
+/// other files are those of the operating system, of the program itself, and those that it writes.
+#[test]
+fn files_are_read_in_one_place() {
+    const CALLS: [&str; 7] = [
+        "File::open(",
+        "fs::read(",
+        "fs::read_to_string(",
+        "::from_path(",
+        ".read(true)",
+        "image::open(",
+        "mmap",
+    ];
+    const ALLOWED: [&str; 9] = [
+        "crates/seedbed-env/src/input/limits.rs",
+        // Streams that arguments name.
+        "src/input_files/streams.rs",
+        // `/proc`.
+        "src/cli/interruption.rs",
+        "src/cli/memory.rs",
+        "src/study/run_marks.rs",
+        // Its own executable.
+        "src/study/provenance.rs",
+        // Files and folders that it writes.
+        "src/record/rerun/serve.rs",
+        "src/record/table.rs",
+        "src/run/files.rs",
+    ];
+    for (file, text) in source_files() {
+        let code = text.split("#[cfg(test)]").next().unwrap();
+        let is_test = file.ends_with("/tests.rs") || file.contains("/tests/");
+        if is_test || ALLOWED.contains(&file.as_str()) {
+            continue;
+        }
+        // The constructors of types of this repository have the same names.
+        let code = code
+            .replace("HashedFile::open(", "")
+            .replace("RecordingFile::open(", "");
+        for call in CALLS {
+            assert!(!code.contains(call), "{file} reads a file by `{call}…)`");
+        }
+    }
+}
+
 #[test]
 fn only_the_analytic_model_names_quantities_of_the_cartpole() {
     for (file, text) in source_files() {

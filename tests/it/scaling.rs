@@ -143,6 +143,17 @@ fn published_runs_are_repeated() {
     encoder.write_all(text.as_bytes()).unwrap();
     encoder.finish().unwrap();
     let output = verify("--verify=100%");
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    let message = "results.csv.gz: is damaged, or was changed after it was written: its SHA-256";
+    assert!(stderr(&output).contains(message), "{output:?}");
+
+    // Who changes results on purpose changes the hashes, too.
+    let builds = folder.path().join("results/sizes/builds.json");
+    let mut description: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(&builds).unwrap()).unwrap();
+    description.as_object_mut().unwrap().remove("sha256");
+    fs::write(&builds, description.to_string()).unwrap();
+    let output = verify("--verify=100%");
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     assert!(stdout(&output).contains("179 of 180"), "{output:?}");
     assert!(

@@ -1,9 +1,14 @@
 //! Submissions: what `seedbed submit` packs can be checked without anything else.
 
 use std::fs;
-use std::io::Cursor;
+use std::io::{Cursor, Read, Write};
 use std::path::PathBuf;
 use std::process::Output;
+
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
+use sha2::{Digest, Sha256};
 
 use zip::ZipArchive;
 
@@ -121,7 +126,7 @@ fn a_submission_is_verified_without_the_project_that_it_is_from() {
         "{printed:?}"
     );
     assert!(
-        printed[1].contains("1 of 1 repeated runs are bit-identical (6 runs published)"),
+        printed[1].contains("2 of 2 repeated runs are bit-identical (6 runs published)"),
         "{printed:?}"
     );
     assert!(printed[2].contains("6 finished"), "{printed:?}");
@@ -189,6 +194,140 @@ fn changed_results_and_changed_tasks_of_a_submission_are_noticed() {
     fs::write(&table, bytes).unwrap();
     let output = project.seedbed(&folder, &verify);
     assert_eq!(output.status.code(), Some(2), "{output:?}");
+}
+
+/// Changes the table of an unpacked submission, and the hashes, as somebody would do who does not want the
+/// change to be noticed.
+fn forge(project: &Project, folder: &str, change: impl Fn(&mut Vec<Vec<String>>)) {
+    let root = project.path(folder);
+    let results = "scenarios/papers/results/small";
+    let table = root.join(results).join("results.csv.gz");
+    let mut text = String::new();
+    GzDecoder::new(fs::File::open(&table).unwrap())
+        .read_to_string(&mut text)
+        .unwrap();
+    let mut reader = csv::ReaderBuilder::new();
+    let reader = reader.has_headers(false).from_reader(text.as_bytes());
+    let rows = reader.into_records().map(Result::unwrap);
+    let mut rows: Vec<Vec<String>> = rows
+        .map(|row| row.iter().map(str::to_owned).collect())
+        .collect();
+    change(&mut rows);
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for row in rows {
+        writer.write_record(&row).unwrap();
+    }
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(&writer.into_inner().unwrap()).unwrap();
+    fs::write(&table, encoder.finish().unwrap()).unwrap();
+    let hash = |path: &str| format!("{:x}", Sha256::digest(fs::read(root.join(path)).unwrap()));
+    let set_hash = |file: &str, name: &str, hash: String| {
+        let path = root.join(file);
+        let text = fs::read_to_string(&path).unwrap();
+        let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
+        json["sha256"][name] = hash.into();
+        fs::write(path, json.to_string()).unwrap();
+    };
+    let [builds, table] = ["builds.json", "results.csv.gz"].map(|name| format!("{results}/{name}"));
+    set_hash(&builds, "results.csv.gz", hash(&table));
+    set_hash("submission.json", &table, hash(&table));
+    set_hash("submission.json", &builds, hash(&builds));
+}
+
+const VERIFY: [&str; 4] = ["study", STUDY, "--confirm", "--verify=2%"];
+
+/// All rows but the first are forged: of the second cell, every run that can be drawn.
+#[test]
+fn forged_rows_are_found_when_runs_are_repeated() {
+    let project = Project::new();
+    let folder = project.unpack_elsewhere(&project.submit());
+    forge(&project, &folder, |rows| {
+        let column = rows[0].iter().position(|name| name == "mean_return");
+        for row in &mut rows[2..] {
+            row[column.unwrap()] += "1";
+        }
+    });
+    for _ in 0..3 {
+        let output = project.seedbed(&folder, &VERIFY);
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        assert!(stderr(&output).contains("not reproduced"), "{output:?}");
+    }
+}
+
+#[test]
+fn tables_with_impossible_or_missing_values_are_refused() {
+    let project = Project::new();
+    let archive = project.submit();
+    let folder = project.unpack_elsewhere(&archive);
+    let report = ["report", "scenarios/papers/results/small"];
+    let refused = |message: &str, change: &dyn Fn(&mut Vec<Vec<String>>)| {
+        ZipArchive::new(Cursor::new(&archive))
+            .unwrap()
+            .extract(project.path("elsewhere"))
+            .unwrap();
+        forge(&project, &folder, change);
+        for arguments in [&report[..], &VERIFY] {
+            let output = project.seedbed(&folder, arguments);
+            assert_eq!(output.status.code(), Some(2), "{message}: {output:?}");
+            assert!(stderr(&output).contains(message), "{message}: {output:?}");
+        }
+    };
+    let set = |column: &'static str, value: &'static str| {
+        move |rows: &mut Vec<Vec<String>>| {
+            let column = rows[0].iter().position(|name| name == column).unwrap();
+            value.clone_into(&mut rows[2][column]);
+        }
+    };
+    let table = "scenarios/papers/results/small/results.csv.gz";
+    for (column, value, expected) in [
+        ("team_coverage", "7", "a number from 0 to 1"),
+        ("team_coverage", "inf", "a number from 0 to 1"),
+        ("team_coverage", "NaN", "a number from 0 to 1"),
+        ("mean_return", "inf", "a number"),
+        ("gradient_steps", "-1", "a number from 0"),
+        ("effective_agents", "3", "a number from 1 to 2"),
+    ] {
+        let message =
+            format!("{table}:3: `{value}` in the column `{column}`; expected {expected}\n");
+        refused(&message, &set(column, value));
+    }
+    refused(
+        "3 in the column `episodes`; the study has at most 2 per agent",
+        &set("episodes", "3"),
+    );
+    refused("`-3` in the column `env_steps`", &set("env_steps", "-3"));
+    refused(
+        "expected a value as of other runs",
+        &set("FinalReturn(window:2)", ""),
+    );
+    refused("1 of 6 runs is missing; expected one row", &|rows| {
+        drop(rows.pop())
+    });
+    refused("the study has no (second) run of `short`", &|rows| {
+        rows.push(rows[1].clone())
+    });
+    refused("with run seed 5", &set("seed", "5"));
+    refused("expected one column `reach`, found 0", &|rows| {
+        let column = rows[0].iter().position(|name| name == "reach").unwrap();
+        rows.iter_mut().for_each(|row| drop(row.remove(column)));
+    });
+    refused(
+        "`1` in the column `agents`; the study says `2`",
+        &set("agents", "1"),
+    );
+}
+
+#[test]
+fn every_file_of_a_submission_must_have_its_hash() {
+    let project = Project::new();
+    let folder = project.unpack_elsewhere(&project.submit());
+    fs::write(project.path(&folder).join("README.md"), "Other results.").unwrap();
+    let output = project.seedbed(&folder, &VERIFY);
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    assert!(
+        stderr(&output).contains("README.md: is damaged, or was changed after it was written"),
+        "{output:?}"
+    );
 }
 
 #[test]

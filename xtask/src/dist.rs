@@ -22,13 +22,8 @@ const MAX_SIZE: u64 = 43_000_000;
 
 /// Builds the program, writes the archive to `target/dist`, and installs it in a temporary directory.
 pub(super) fn dist() -> Result<(), String> {
-    run_command(&mut cargo_command(&[
-        "build",
-        "--release",
-        "--locked",
-        "--bin",
-        "seedbed",
-    ]))?;
+    let mut build = cargo_command(&["build", "--release", "--locked", "--bin", "seedbed"]);
+    run_command(build.env("CARGO_ENCODED_RUSTFLAGS", flags_without_paths()))?;
     let target = target_folder();
     let program = target.join("release/seedbed");
     let name = format!("seedbed-{}-{}", env!("CARGO_PKG_VERSION"), host()?);
@@ -53,6 +48,16 @@ pub(super) fn dist() -> Result<(), String> {
     check_size(&archive)?;
     check_size(&program)?;
     try_installation(&archive, &name)
+}
+
+/// Flags with which the paths in messages of panics do not begin with folders of this machine.
+fn flags_without_paths() -> String {
+    let home = std::env::var("HOME").unwrap_or_default();
+    let cargo = std::env::var("CARGO_HOME").unwrap_or_else(|_| format!("{home}/.cargo"));
+    let remap = |from: &str, to: &str| format!("--remap-path-prefix={from}={to}");
+    let repository = repository_folder().display().to_string();
+    // The separator of this variable.
+    [remap(&cargo, "cargo"), remap(&repository, "seedbed")].join("\u{1f}")
 }
 
 /// Writes all files of the archive.

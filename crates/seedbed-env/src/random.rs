@@ -100,6 +100,9 @@ pub enum Purpose {
     /// seed, a hash of the method's name takes the place of the agent, and the index of the
     /// configuration that of the round.
     TuningConfiguration = 61,
+    /// The runs of a study that are repeated to verify its results. The number of the draw takes the place of
+    /// the run seed.
+    VerifiedRuns = 62,
 }
 
 /// The stream of one (run seed, purpose, agent, round).

@@ -340,7 +340,8 @@ impl TerminalSummary<'_> {
             .iter()
             .map(|distribution| label(distribution).chars().count())
             .max()
-            .unwrap_or(0);
+            .unwrap_or(0)
+            .min(MAX_NAME_WIDTH);
         let states = with_thousands_separators(stats.distributions[0].count);
         let mut text = format!(
             "{}\n  {:name_width$} {:>10} {:>10} {:>10} {:>22} {:>8}{}\n",
@@ -405,6 +406,9 @@ fn not_finite(distributions: &[ValueDistribution]) -> impl Iterator<Item = &Valu
         |distribution: &&ValueDistribution| distribution.nan + distribution.infinite > 0;
     distributions.iter().filter(is_not_finite)
 }
+
+/// Maximum width of the column of names; longer names shift the rest of their row.
+const MAX_NAME_WIDTH: usize = 200;
 
 /// Row of the table of observations, with a name column of `name_width` characters.
 fn distribution_row(distribution: &ValueDistribution, name_width: usize, has_nan: bool) -> String {

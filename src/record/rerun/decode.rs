@@ -24,6 +24,7 @@ use rerun::log::{Chunk, LogMsg};
 
 use crate::record::ReadError;
 use seedbed_env::caught_panic;
+use seedbed_env::input::limits::open_regular;
 
 /// A block that LZ4 compresses to n bytes has at most 255 n bytes.
 const MAX_LZ4_RATIO: u64 = 255;
@@ -35,6 +36,8 @@ pub(super) struct Messages {
     /// The error at the end of the complete messages.
     error_at_end: Option<ReadError>,
     failed: bool,
+    /// Where the last complete message ends.
+    end: u64,
 }
 
 impl Messages {
@@ -57,7 +60,7 @@ impl Messages {
             path: path.to_owned(),
             reason: error.to_string(),
         };
-        let mut file = File::open(path).map_err(unreadable)?;
+        let mut file = open_regular(path).map_err(unreadable)?;
         let frames = Frames::of(&mut file).map_err(unreadable)?;
         let reason = match frames.problem {
             Some(Problem::Incomplete) if !is_unfinished => Some("the file ends within a message"),
@@ -74,7 +77,28 @@ impl Messages {
                 reason: reason.to_owned(),
             }),
             failed: false,
+            end: frames.end,
         })
+    }
+
+    /// Number of messages before the first damage or the end, and number of bytes up to there.
+    pub(super) fn whole_length(mut self) -> (usize, u64) {
+        let (mut messages, mut length) = (0, 0);
+        while let Some(Ok(message)) = self.next() {
+            let is_whole = match &message {
+                LogMsg::ArrowMsg(_, rows) => self.chunk(rows).is_ok(),
+                _ => true,
+            };
+            if !is_whole {
+                break;
+            }
+            messages += 1;
+            length = self.decoder.num_bytes_processed();
+        }
+        if !self.failed {
+            length = self.end;
+        }
+        (messages, length)
     }
 
     /// Decodes the rows of a message.

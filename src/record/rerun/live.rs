@@ -4,7 +4,6 @@
 //! that does not respond fast enough is disconnected. The run never waits for it longer than
 //! [`RESPONSE_TIMEOUT`].
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
@@ -17,6 +16,7 @@ use rerun::sink::{GrpcSink, GrpcSinkConnectionState, LogSink};
 
 use super::error::RecordingError;
 use crate::record::LiveError;
+use seedbed_env::input::limits::open_regular;
 
 /// The address at which a viewer listens by default.
 pub const DEFAULT_VIEWER: &str = rerun::DEFAULT_CONNECT_URL;
@@ -83,7 +83,7 @@ impl Viewer {
 
     /// Sends all messages that the recording at `path` contains so far.
     pub(super) fn catch_up(&mut self, path: &Path) -> Result<(), RecordingError> {
-        let file = File::open(path)?;
+        let file = open_regular(path)?;
         for message in DecoderApp::decode_lazy(BufReader::new(file)) {
             self.send(message?)?;
         }

@@ -54,8 +54,17 @@ use self::sink::{MessageBytes, Sink, Storage};
 use self::writers::{Due, Writers};
 use super::written::WrittenFile;
 use super::{
-    Attempt, RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord, RunInfo,
+    Attempt, ReadError, RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord,
+    RunInfo,
 };
+
+/// Number of messages of a recording before the first damage or its end, and number of bytes up to there.
+///
+/// # Errors
+/// The file is no recording or cannot be read.
+pub fn whole_length(path: &Path) -> Result<(usize, u64), ReadError> {
+    Ok(decode::Messages::open_unfinished(path)?.whole_length())
+}
 
 /// Whether this build can write and read recordings. Builds with the feature `rerun` can.
 pub const AVAILABLE: bool = true;

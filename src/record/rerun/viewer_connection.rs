@@ -4,11 +4,20 @@ use std::io;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll, ready};
+use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::{Sleep, sleep};
 use tonic::transport::server::Connected;
+
+/// Time within which a viewer must send its first bytes. A connection that stays silent would take the
+/// place of a viewer for ever.
+const FIRST_BYTES_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Number of bytes with which every viewer begins: the preface of HTTP/2 and the head of its settings.
+const FIRST_BYTES: usize = 24 + 9;
 
 /// A connection to a viewer.
 ///
@@ -21,6 +30,8 @@ pub(super) struct ViewerConnection {
     stream: TcpStream,
     /// Whether the viewer was told that nothing more will be sent.
     end_is_announced: bool,
+    /// Number of first bytes that have not arrived, and when the connection is closed without them.
+    first_bytes: (usize, Pin<Box<Sleep>>),
     /// One of the connections that may be open at once.
     _permit: OwnedSemaphorePermit,
 }
@@ -32,6 +43,7 @@ impl ViewerConnection {
         Ok(Self {
             stream,
             end_is_announced: false,
+            first_bytes: (FIRST_BYTES, Box::pin(sleep(FIRST_BYTES_TIMEOUT))),
             _permit: permit.map_err(io::Error::other)?,
         })
     }
@@ -61,7 +73,15 @@ impl AsyncRead for ViewerConnection {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_read(context, buffer)
+        let before = buffer.filled().len();
+        let result = Pin::new(&mut self.stream).poll_read(context, buffer);
+        let (missing, end) = &mut self.first_bytes;
+        *missing = missing.saturating_sub(buffer.filled().len() - before);
+        if *missing > 0 && result.is_pending() {
+            ready!(end.as_mut().poll(context));
+            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
+        }
+        result
     }
 }
 

@@ -9,7 +9,7 @@ use seedbed_env::Status;
 
 /// Number of bytes before the arrays in the frame of an episode: number of the episode, number of
 /// the first step, number of steps, outcome, and the sum of rewards.
-const EPISODE_START: usize = 24;
+pub(super) const EPISODE_START: usize = 24;
 
 /// The finished episodes of one agent, read on demand.
 pub(super) struct AgentEpisodes {

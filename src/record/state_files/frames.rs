@@ -8,15 +8,16 @@ use flate2::Crc;
 
 use super::header::Header;
 use crate::record::ReadError;
+use seedbed_env::input::limits::open_regular;
 
 const MAGIC: [u8; 8] = *b"SBSTATES";
 const FORMAT_VERSION: u32 = 1;
 
 /// Number of bytes before the first frame: magic, version and checksum.
-const FILE_START: usize = 16;
+pub(super) const FILE_START: usize = 16;
 
 /// Number of bytes before the payload of a frame: kind, size and two checksums.
-const FRAME_START: usize = 16;
+pub(super) const FRAME_START: usize = 16;
 
 /// The frames of a file, read one by one.
 pub(super) struct Frames {
@@ -51,7 +52,7 @@ pub(super) enum FrameKind {
 impl Frames {
     /// Opens a file and reads its header.
     pub(super) fn open(path: &Path) -> Result<(Self, Header), ReadError> {
-        let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
+        let opened = open_regular(path).and_then(|file| Ok((file.metadata()?.len(), file)));
         let (size, file) = opened.map_err(|error| unreadable(path, error.to_string()))?;
         let mut frames = Self {
             path: path.to_owned(),
@@ -135,11 +136,15 @@ impl Frames {
 
     /// Whether the file ends with zeros from here, as after a failure of the machine.
     fn rest_is_zero(&mut self) -> Result<bool, ReadError> {
-        let mut rest = Vec::new();
-        let mut file = self.file.by_ref().take(self.size - self.offset);
-        let read = file.read_to_end(&mut rest);
-        read.map_err(|error| unreadable(&self.path, error.to_string()))?;
-        Ok(rest.iter().all(|byte| *byte == 0))
+        let mut block = [0; 1 << 12];
+        loop {
+            let read = self.file.read(&mut block);
+            let count = read.map_err(|error| unreadable(&self.path, error.to_string()))?;
+            self.offset += count as u64;
+            if count == 0 || block[..count].iter().any(|byte| *byte != 0) {
+                return Ok(count == 0);
+            }
+        }
     }
 
     /// Number of bytes of an incomplete frame at the end, once all others are read.
@@ -181,15 +186,25 @@ fn unreadable(path: &Path, reason: String) -> ReadError {
     }
 }
 
+/// The bytes with which every file begins.
+pub(super) fn file_start() -> [u8; FILE_START] {
+    let mut start = [0; FILE_START];
+    start[..8].copy_from_slice(&MAGIC);
+    start[8..12].copy_from_slice(&FORMAT_VERSION.to_le_bytes());
+    let sum = checksum(&start[..12]);
+    start[12..].copy_from_slice(&sum.to_le_bytes());
+    start
+}
+
 /// CRC-32 as in zlib.
-fn checksum(bytes: &[u8]) -> u32 {
+pub(super) fn checksum(bytes: &[u8]) -> u32 {
     let mut crc = Crc::new();
     crc.update(bytes);
     crc.sum()
 }
 
 /// The number in the first four bytes.
-fn number(bytes: &[u8]) -> u32 {
+pub(super) fn number(bytes: &[u8]) -> u32 {
     bytes
         .first_chunk()
         .map_or(0, |bytes| u32::from_le_bytes(*bytes))

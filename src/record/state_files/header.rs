@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use seedbed_env::input::limits::{MAX_RECORDED_AGENTS, MAX_RECORDED_AXES};
+use seedbed_env::input::limits::{MAX_RECORDED_AGENTS, MAX_RECORDED_AXES, MAX_RECORDED_NAME_BYTES};
 use serde::Deserialize;
 
 /// What the states of an agent are.
@@ -57,6 +57,7 @@ impl Header {
                 "learner {learner} is not below {MAX_RECORDED_AGENTS}"
             ));
         }
+        check_length("the name of the environment", &self.environment)?;
         for (axes, kind) in [
             (&self.observations, "observations"),
             (&self.actions, "actions"),
@@ -92,8 +93,20 @@ impl Header {
     }
 }
 
+fn check_length(what: &str, text: &str) -> Result<(), String> {
+    if text.len() <= MAX_RECORDED_NAME_BYTES {
+        return Ok(());
+    }
+    Err(format!(
+        "{what} has {} bytes, expected at most {MAX_RECORDED_NAME_BYTES}",
+        text.len()
+    ))
+}
+
 impl HeaderAxis {
     fn check(&self) -> Result<(), String> {
+        check_length("the name of an axis", &self.name)?;
+        check_length("the unit of an axis", &self.unit)?;
         let ends = [self.low, self.high];
         let is_finite = ends.iter().flatten().all(|end| end.is_finite());
         let is_empty = matches!(ends, [Some(low), Some(high)] if low > high);

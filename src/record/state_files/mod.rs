@@ -10,6 +10,9 @@ mod episodes;
 mod frames;
 mod header;
 mod learners;
+mod salvage;
+
+pub use salvage::{SalvagedStates, salvage};
 
 use std::collections::BTreeMap;
 use std::fs;

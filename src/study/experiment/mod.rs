@@ -40,9 +40,17 @@ pub trait Experiment: Debug + Send + Sync {
     /// Maximum number of episodes per agent.
     fn max_episodes(&self) -> u32;
 
-    /// Hash (16 hexadecimal digits) of everything on which runs depend, except their run seeds: the
-    /// resolved scenario and the text of the task's file. Names of result files contain it.
-    fn digest(&self) -> String;
+    /// Everything on which runs depend, except their run seeds: the resolved scenario and the text of the
+    /// task's file.
+    fn digest_input(&self) -> Vec<u8>;
+
+    /// Hash (16 hexadecimal digits) of [`digest_input`](Self::digest_input). Names of result files contain it.
+    fn digest(&self) -> String {
+        format!(
+            "{:016x}",
+            xxhash_rust::xxh64::xxh64(&self.digest_input(), 0)
+        )
+    }
 
     /// Rough estimate of the work of learning per environment step, as a multiple of the work of
     /// acting.

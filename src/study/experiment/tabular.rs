@@ -2,8 +2,6 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use xxhash_rust::xxh64::Xxh64;
-
 use super::{Experiment, RunControl, RunEnding, RunReport, StopRule};
 use crate::record::RecorderFactory;
 use crate::run::measures::diversity::{Diversity, divergence};
@@ -46,10 +44,8 @@ impl Experiment for TabularPlan {
         self.scenario.episodes.get()
     }
 
-    fn digest(&self) -> String {
-        let mut hash = Xxh64::new(0);
-        hash.update(with_run_seed(&self.scenario, 0).resolved().as_bytes());
-        format!("{:016x}", hash.digest())
+    fn digest_input(&self) -> Vec<u8> {
+        with_run_seed(&self.scenario, 0).resolved().into_bytes()
     }
 
     /// Of each state and agent, the numbers of visits and the agent's own policy.

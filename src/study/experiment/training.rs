@@ -4,8 +4,6 @@ use std::convert::Infallible;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use xxhash_rust::xxh64::Xxh64;
-
 use super::{
     Experiment, RunControl, RunEnding, RunQueue, RunReport, RunRequest, StopRule,
     measure_one_by_one,
@@ -93,13 +91,10 @@ impl Experiment for Plan {
         self.scenario.max_episodes()
     }
 
-    fn digest(&self) -> String {
+    fn digest_input(&self) -> Vec<u8> {
         let scenario = with_defaults_except_for_learning(self.scenario.clone(), 0);
-        let mut hash = Xxh64::new(0);
-        hash.update(text_for_digest(&scenario).as_bytes());
-        hash.update(&[0]);
-        hash.update(self.environment_text.as_bytes());
-        format!("{:016x}", hash.digest())
+        let scenario = text_for_digest(&scenario);
+        [scenario.as_bytes(), &[0], self.environment_text.as_bytes()].concat()
     }
 
     fn learning_cost(&self) -> f64 {

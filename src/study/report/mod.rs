@@ -11,7 +11,7 @@ mod tables;
 
 pub(super) use format::number;
 pub use format::summarize_claims;
-pub(super) use rows::{column, csv};
+pub(super) use rows::{COLUMNS, column, csv};
 use tables::Table;
 
 use std::io;

@@ -12,7 +12,8 @@ use crate::study::run_result::RunResult;
 use crate::text::spreadsheet_cell;
 use seedbed_env::input::numbers::ranged_count;
 
-const COLUMNS: [&str; 22] = [
+/// Names of the columns that `results.csv` has for every study.
+pub(in crate::study) const COLUMNS: [&str; 22] = [
     "cell",
     "task",
     "agents",

@@ -104,20 +104,22 @@ fn verify_finds_runs_that_are_not_reproduced() {
         (Some(2), expected)
     );
     assert!(run_study(&study, &out, &[]).status.success());
-    let verified = run_study(&study, &out, &["--verify=4"]);
+    let verified = run_study(&study, &out, &["--verify=4", "--draw=7"]);
     assert!(verified.status.success(), "{verified:?}");
     assert_eq!(
         stdout(&verified),
-        "verified   small: 4 of 4 repeated runs are bit-identical (6 runs stored)\n"
+        "draw       7: 4 of 6 runs; to repeat these: --draw=7\n\
+         verified   small: 4 of 4 repeated runs are bit-identical (6 runs stored)\n"
     );
 
     change_stored_curves(&out, 1001);
-    let verified = run_study(&study, &out, &["--verify"]);
+    let verified = run_study(&study, &out, &["--verify", "--draw=7"]);
     let errors = stderr(&verified);
     assert_eq!(verified.status.code(), Some(1), "{errors}");
     assert_eq!(
         stdout(&verified),
-        "verified   small: 3 of 6 repeated runs are bit-identical (6 runs stored)\n"
+        "draw       7: 6 of 6 runs; to repeat these: --draw=7\n\
+         verified   small: 3 of 6 repeated runs are bit-identical (6 runs stored)\n"
     );
     assert!(
         errors.contains("differs    σ 9, run seed 1001: ") && !errors.contains("run seed 1000"),
@@ -126,6 +128,47 @@ fn verify_finds_runs_that_are_not_reproduced() {
     assert!(
         errors.ends_with("error: 3 runs not reproduced\n"),
         "{errors}"
+    );
+}
+
+/// Whoever made results does not know which runs will be repeated: each draw has at least one run of each
+/// cell, and its number repeats it.
+#[test]
+fn runs_to_verify_are_drawn_at_random() {
+    let (_folder, study, out) = write_study(&study_text(2, ""));
+    assert!(run_study(&study, &out, &[]).status.success());
+    let number = || {
+        let verified = run_study(&study, &out, &["--verify=1"]);
+        assert!(verified.status.success(), "{verified:?}");
+        let printed = stdout(&verified);
+        // Three cells, of which each has a run that is repeated.
+        assert!(printed.contains(": 3 of 6 runs; "), "{printed}");
+        let draw = printed.strip_prefix("draw       ").unwrap();
+        draw.split(':').next().unwrap().to_owned()
+    };
+    assert_ne!(number(), number());
+    change_stored_curves(&out, 1001);
+    let differing = |draw: usize| {
+        let draw = format!("--draw={draw}");
+        let verified = run_study(&study, &out, &["--verify=1", &draw]);
+        stderr(&verified).matches("differs").count()
+    };
+    let counts: Vec<usize> = (0..6).map(differing).collect();
+    assert_eq!(counts, (0..6).map(differing).collect::<Vec<usize>>());
+    // Each of three runs is one of two with equal probability.
+    assert!(counts.iter().any(|count| *count != counts[0]), "{counts:?}");
+}
+
+#[test]
+fn runs_that_are_missing_are_not_verified() {
+    let (_folder, study, out) = write_study(&study_text(2, ""));
+    assert!(run_study(&study, &out, &[]).status.success());
+    fs::remove_file(&result_files(&out)[0]).unwrap();
+    let verified = run_study(&study, &out, &["--verify=1"]);
+    assert_eq!(verified.status.code(), Some(1), "{verified:?}");
+    assert!(
+        stderr(&verified).contains("missing    1 of 6 runs is missing\n"),
+        "{verified:?}"
     );
 }
 

@@ -1,6 +1,5 @@
 //! Reading files and looking for them.
 
-use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
@@ -62,7 +61,7 @@ impl FileSource for Disk {
 /// # Errors
 /// The file cannot be read.
 pub fn read_text(path: &Path) -> Result<String, InputError> {
-    let file = File::open(path).map_err(|error| unreadable(path, &error))?;
+    let file = limits::open_regular(path).map_err(|error| unreadable(path, &error))?;
     read_text_from(path, file)
 }
 
@@ -75,7 +74,9 @@ pub fn read_text_from(path: &Path, source: impl Read) -> Result<String, InputErr
     Ok(text.trim_start_matches('\u{feff}').to_owned())
 }
 
-fn unreadable(path: &Path, error: &std::io::Error) -> InputError {
+/// The error that the file at `path` cannot be read.
+#[must_use]
+pub fn unreadable(path: &Path, error: &std::io::Error) -> InputError {
     InputError {
         origin: path.display().to_string(),
         position: None,

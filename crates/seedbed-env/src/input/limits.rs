@@ -7,7 +7,7 @@
 //! [`numbers`](super::numbers).
 
 use std::fmt;
-use std::fs::File;
+use std::fs::{self, File, Metadata};
 use std::io::{self, Read};
 use std::marker::PhantomData;
 use std::path::Path;
@@ -50,18 +50,62 @@ pub const MAX_POINTS: usize = 10_000;
 /// record.
 pub const MAX_RECORDED_AXES: usize = 10_000;
 
+/// Maximum length in bytes of a name or a unit in files that other programs record.
+pub const MAX_RECORDED_NAME_BYTES: usize = 1000;
+
 /// Maximum number of agents in files that other programs record.
 pub const MAX_RECORDED_AGENTS: u32 = 1 << 16;
 
 /// Maximum number of agents in results of others. Each takes memory even without an episode.
 pub const MAX_AGENTS_OF_OTHERS: u64 = 1_000_000;
 
-/// Reads a file whole, unless it has more than `max_bytes`.
+/// Maximum size in bytes of a small file that the program writes and reads again as a whole, such as the
+/// description of a run or its checksums.
+pub const MAX_SMALL_FILE_BYTES: u64 = 64 << 20;
+
+/// Maximum size in bytes of a large file that is read as a whole, such as a checkpoint.
+pub const MAX_LARGE_FILE_BYTES: u64 = 16 << 30;
+
+/// Maximum number of cells of a study. Each is a checked scenario in memory, and its name is compared with
+/// all others.
+pub const MAX_CELLS: u64 = 10_000;
+
+/// Maximum number of runs of a study: of all cells together.
+pub const MAX_RUNS: u64 = 10_000_000;
+
+/// Opens a regular file. All files that are read are opened here: a pipe, a socket or a device, of which
+/// some never end and others wait for another process, is refused, and so is a folder.
 ///
 /// # Errors
-/// The file is too large or cannot be read.
+/// The file is not a regular file or cannot be opened.
+pub fn open_regular(path: &Path) -> io::Result<File> {
+    // Before it is opened, too: to open a pipe waits for a process that writes.
+    check_is_regular(&fs::metadata(path)?)?;
+    let file = File::open(path)?;
+    check_is_regular(&file.metadata()?)?;
+    Ok(file)
+}
+
+fn check_is_regular(metadata: &Metadata) -> io::Result<()> {
+    if metadata.is_file() {
+        return Ok(());
+    }
+    if metadata.is_dir() {
+        let message = "expected a file, found a folder";
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, message));
+    }
+    Err(io::Error::new(
+        io::ErrorKind::InvalidInput,
+        "expected a regular file, found a pipe, a socket or a device",
+    ))
+}
+
+/// Reads a regular file whole, unless it has more than `max_bytes`.
+///
+/// # Errors
+/// The file is not a regular file, too large, or cannot be read.
 pub fn read_bytes(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
-    bytes_of(File::open(path)?, max_bytes)
+    bytes_of(open_regular(path)?, max_bytes)
 }
 
 /// Like [`read_bytes`], for a text.
@@ -69,7 +113,7 @@ pub fn read_bytes(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
 /// # Errors
 /// Those of [`read_bytes`], or the file is not UTF-8 ([`io::ErrorKind::InvalidData`]).
 pub fn read_text(path: &Path, max_bytes: u64) -> io::Result<String> {
-    text_of(File::open(path)?, max_bytes)
+    text_of(open_regular(path)?, max_bytes)
 }
 
 /// All text of `source`, unless it has more than `max_bytes`.
@@ -81,8 +125,12 @@ pub fn text_of(source: impl Read, max_bytes: u64) -> io::Result<String> {
     text.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
 }
 
-/// The size is limited while reading, because devices and pipes do not have one beforehand.
-fn bytes_of(source: impl Read, max_bytes: u64) -> io::Result<Vec<u8>> {
+/// All bytes of `source`, unless it has more than `max_bytes`. The size is limited while reading, because
+/// a file can grow meanwhile.
+///
+/// # Errors
+/// `source` is too large or cannot be read.
+pub fn bytes_of(source: impl Read, max_bytes: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     source.take(max_bytes + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > max_bytes {
@@ -169,15 +217,22 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn endless_files_are_refused() {
-        let endless = Path::new("/dev/zero");
-        let error = read_bytes(endless, 100).unwrap_err();
-        assert_eq!(error.to_string(), "expected at most 100 bytes, found more");
-        let error = read_input(endless).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "/dev/zero: expected at most 16 MiB, found more"
-        );
+    fn what_is_no_regular_file_is_refused() {
+        let folder = std::env::temp_dir();
+        let error = read_bytes(&folder, 100).unwrap_err();
+        assert_eq!(error.to_string(), "expected a file, found a folder");
+        let message = "expected a regular file, found a pipe, a socket or a device";
+        for endless in ["/dev/zero", "/dev/tty", "/dev/stdin"] {
+            let Ok(metadata) = fs::metadata(endless) else {
+                continue;
+            };
+            if !metadata.is_file() {
+                let error = read_bytes(Path::new(endless), 100).unwrap_err();
+                assert_eq!(error.to_string(), message, "{endless}");
+            }
+        }
+        let error = read_input(Path::new("/dev/zero")).unwrap_err();
+        assert_eq!(error.to_string(), format!("/dev/zero: {message}"));
     }
 
     #[test]

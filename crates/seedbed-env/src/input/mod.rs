@@ -24,7 +24,7 @@ pub use builtin::{BuiltinFile, DiskAndBuiltin, is_builtin};
 pub(crate) use error::error_at;
 pub use error::{InputError, Position};
 pub use files::{
-    Disk, FileSource, find_upwards, folders_upwards, is_ron, read_text, read_text_from,
+    Disk, FileSource, find_upwards, folders_upwards, is_ron, read_text, read_text_from, unreadable,
 };
 pub use kind::{FileKind, file_kind};
 pub(crate) use kind::{after_first_word, block_comment_length};

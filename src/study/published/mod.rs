@@ -7,29 +7,36 @@
 //! same digits. Curves and visited states are not published: `seedbed study --confirm` makes the runs
 //! again, with the same bits.
 
-use std::collections::{BTreeSet, HashMap, HashSet};
-use std::io::{self, Read, Write};
+mod hashes;
+mod row;
+
+pub(super) use hashes::SUBMISSION;
+
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
-use seedbed_env::input::limits::MAX_TABLE_BYTES;
+use seedbed_env::input::limits::{
+    MAX_SMALL_FILE_BYTES, MAX_TABLE_BYTES, open_regular, read_bytes, text_of,
+};
 use serde::{Deserialize, Serialize};
 
-use super::claims::ClaimResult;
-use super::comparison::RunScore;
-use super::cost::RunCost;
-use super::measure::Measure;
-use super::plan::PlannedRun;
-use super::provenance::{format_build_id, parse_build_id};
-use super::report::{self, column};
-use super::results::{CellResults, Results, ResultsError};
-use super::runner::Outcome;
-use super::store::{self, StudyFolder};
+use crate::run::checksums::sha256;
 use crate::run::files;
+use crate::study::claims::ClaimResult;
+use crate::study::completeness;
+use crate::study::measure::Measure;
+use crate::study::plan::PlannedRun;
+use crate::study::provenance::{format_build_id, parse_build_id};
+use crate::study::report::{self, column};
+use crate::study::results::{CellResults, Results, ResultsError};
+use crate::study::runner::Outcome;
+use crate::study::store::{self, StudyFolder};
 use crate::text::from_spreadsheet_cell;
+use row::Row;
 
 /// Name of the file with one row per run.
 const TABLE: &str = "results.csv.gz";
@@ -44,6 +51,9 @@ pub(super) struct Builds {
     commits: BTreeSet<String>,
     /// Hashes of the executables, in hexadecimal digits.
     executables: BTreeSet<String>,
+    /// SHA-256 of the other files, by their names. Earlier versions did not write them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    sha256: BTreeMap<String, String>,
 }
 
 /// Name of the file with the builds.
@@ -76,10 +86,17 @@ pub fn write(
 pub fn files(results: &Results) -> io::Result<[(&'static str, Vec<u8>); 3]> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
     encoder.write_all(&report::csv(results)?)?;
+    let (manifest, table) = (results.manifest.to_json().into_bytes(), encoder.finish()?);
+    let hashes = [(MANIFEST, &manifest), (TABLE, &table)];
+    let hash = |(name, bytes): (&str, &Vec<u8>)| (name.to_owned(), sha256(bytes));
+    let builds = Builds {
+        sha256: hashes.map(hash).into(),
+        ..Builds::of(results)
+    };
     Ok([
-        (MANIFEST, results.manifest.to_json().into_bytes()),
-        (BUILDS, store::to_json(&Builds::of(results)).into_bytes()),
-        (TABLE, encoder.finish()?),
+        (MANIFEST, manifest),
+        (BUILDS, store::to_json(&builds).into_bytes()),
+        (TABLE, table),
     ])
 }
 
@@ -110,6 +127,7 @@ impl Builds {
             versions: results.versions.clone(),
             commits: results.commits.clone(),
             executables: executables.map(|build| format_build_id(*build)).collect(),
+            sha256: BTreeMap::new(),
         }
     }
 }
@@ -170,13 +188,23 @@ impl PublishedRuns {
         self.rows.contains_key(&key_of(run))
     }
 
-    /// Whether a repeated run has the values of its row, in all columns of the table.
+    /// Whether a repeated run has the values of its rows, in all columns of the table. Cells with equal
+    /// settings share the run, and each has a row.
     #[must_use]
     pub fn is_reproduced_by(&self, run: &PlannedRun<'_>, outcome: &Outcome) -> bool {
-        let Some(published) = self.rows.get(&key_of(run)) else {
-            return false;
-        };
-        let Ok((columns, repeated)) = self.row_of(run, outcome) else {
+        let mut cells = self.study.cells.iter().filter(|cell| {
+            let name = &cell.description.name;
+            cell.description.digest == run.cell.digest && self.has_row(name, run.run_seed)
+        });
+        self.contains(run) && cells.all(|cell| self.is_same(cell, run.run_seed, outcome))
+    }
+
+    /// Whether the row of a run has the values of this outcome.
+    fn is_same(&self, cell: &CellResults, run_seed: u64, outcome: &Outcome) -> bool {
+        let key = (cell.description.name.clone(), run_seed);
+        let (Some(published), Ok((columns, repeated))) =
+            (self.rows.get(&key), self.row_of(cell, run_seed, outcome))
+        else {
             return false;
         };
         self.columns.iter().all(|(name, place)| {
@@ -185,18 +213,21 @@ impl PublishedRuns {
         })
     }
 
+    fn has_row(&self, cell: &str, run_seed: u64) -> bool {
+        self.rows.contains_key(&(cell.to_owned(), run_seed))
+    }
+
     /// The row that the report writes for a run.
     fn row_of(
         &self,
-        run: &PlannedRun<'_>,
+        cell: &CellResults,
+        run_seed: u64,
         outcome: &Outcome,
     ) -> io::Result<(HashMap<String, usize>, csv::StringRecord)> {
-        let mut cells = self.study.cells.iter();
-        let of_run = |cell: &&CellResults| cell.description.name == run.cell.name;
-        let mut cell = cells.find(of_run).ok_or(io::ErrorKind::NotFound)?.clone();
+        let mut cell = cell.clone();
         match outcome {
-            Ok(result) => cell.runs.push((run.run_seed, result.clone())),
-            Err(reason) => cell.failures.push((run.run_seed, reason.clone())),
+            Ok(result) => cell.runs.push((run_seed, result.clone())),
+            Err(reason) => cell.failures.push((run_seed, reason.clone())),
         }
         let results = Results {
             cells: vec![cell],
@@ -228,168 +259,161 @@ pub(super) fn read_table(results: &mut Results, folder: &StudyFolder) -> Result<
         line,
         message,
     };
-    read_builds(results, folder).map_err(|problem| ResultsError::Table {
+    hashes::check_submission(folder.path())?;
+    let builds = read_builds(results, folder).map_err(|problem| ResultsError::Table {
         path: folder.path().join(BUILDS),
         line: None,
         message: problem.to_string(),
     })?;
+    let listed = folder.path().join(BUILDS);
+    hashes::check_files(folder.path(), &builds.sha256, &listed)?;
     let text = decompress(&path).map_err(|problem| error(None, problem.to_string()))?;
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let header = reader
         .headers()
         .map_err(|problem| error(None, problem.to_string()))?;
     let columns: HashMap<String, usize> = header.iter().map(str::to_owned).zip(0..).collect();
-    let measures = results.measures();
-    let cells = results.manifest.cells.iter();
-    let run_seeds_of = |cell| results.manifest.run_seeds_of(cell).into_iter().collect();
-    let run_seeds: RunSeeds = cells
-        .map(|cell| (cell.name.clone(), run_seeds_of(cell)))
-        .collect();
+    let mut rows = Rows::of(results);
+    rows.check_header(header)
+        .map_err(|problem| error(Some(1), problem))?;
     for (record, line) in reader.records().zip(2..) {
         let record = record.map_err(|problem| error(Some(line), problem.to_string()))?;
         let row = Row {
             record,
             columns: &columns,
         };
-        add_row(results, &run_seeds, &measures, &row)
+        rows.add(results, &row)
             .map_err(|problem| error(Some(line), problem))?;
     }
     count_missing_runs(results);
+    let of_others = |cell: &&CellResults| cell.description.external.is_none();
+    let own_cells = results.cells.iter().filter(of_others);
+    let missing: usize = own_cells.map(|cell| cell.missing).sum();
+    if missing > 0 {
+        let sentence = completeness::missing_sentence(results, missing);
+        let message = format!("{sentence}; expected one row for each run of each cell");
+        return Err(error(None, message));
+    }
     Ok(())
 }
 
-fn read_builds(results: &mut Results, folder: &StudyFolder) -> io::Result<()> {
-    let bytes = std::fs::read(folder.path().join(BUILDS))?;
+fn read_builds(results: &mut Results, folder: &StudyFolder) -> io::Result<Builds> {
+    let bytes = read_bytes(&folder.path().join(BUILDS), MAX_SMALL_FILE_BYTES)?;
     let builds: Builds = serde_json::from_slice(&bytes)?;
-    results.versions = builds.versions;
-    results.commits = builds.commits;
+    results.versions.clone_from(&builds.versions);
+    results.commits.clone_from(&builds.commits);
     results.builds = builds
         .executables
         .iter()
         .map(|text| parse_build_id(text))
         .collect();
-    Ok(())
+    Ok(builds)
 }
 
 fn decompress(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
-    let mut decoder = GzDecoder::new(std::fs::File::open(path)?).take(MAX_TABLE_BYTES);
-    decoder.read_to_string(&mut text)?;
-    if text.len() as u64 == MAX_TABLE_BYTES {
-        return Err(io::Error::other("the table has more than 1 GiB"));
-    }
-    Ok(text)
+    text_of(GzDecoder::new(open_regular(path)?), MAX_TABLE_BYTES)
 }
 
-/// A row of the table.
-struct Row<'a> {
-    record: csv::StringRecord,
-    columns: &'a HashMap<String, usize>,
+/// What is known of the rows of a table that were read.
+struct Rows {
+    /// Measures with the names of their columns.
+    measures: Vec<(Measure, String)>,
+    /// Run seeds of each cell, by its name.
+    run_seeds: HashMap<String, HashSet<u64>>,
+    /// Whether runs of a cell have a value in a column, by both names.
+    has_value: HashMap<(String, String), bool>,
 }
 
-impl Row<'_> {
-    /// The text in a column.
-    fn text(&self, name: &str) -> Result<&str, String> {
-        let column = self.columns.get(name);
-        let column = column.ok_or_else(|| format!("expected a column `{name}`"))?;
-        Ok(&self.record[*column])
-    }
-
-    /// The value in a column; `None` if it is empty.
-    fn value<T: FromStr>(&self, name: &str) -> Result<Option<T>, String> {
-        let text = self.text(name)?;
-        if text.is_empty() {
-            return Ok(None);
+impl Rows {
+    fn of(results: &Results) -> Self {
+        let manifest = &results.manifest;
+        let run_seeds_of = |cell| manifest.run_seeds_of(cell).into_iter().collect();
+        let cells = manifest.cells.iter();
+        let measures = results.measures().into_iter();
+        Self {
+            measures: measures.map(|measure| (measure, column(measure))).collect(),
+            run_seeds: cells
+                .map(|cell| (cell.name.clone(), run_seeds_of(cell)))
+                .collect(),
+            has_value: HashMap::new(),
         }
-        let value = text.parse();
-        value
-            .map(Some)
-            .map_err(|_| format!("`{text}` in the column `{name}`"))
     }
 
-    /// The value in a column that must not be empty.
-    fn required<T: FromStr>(&self, name: &str) -> Result<T, String> {
-        let value = self.value(name)?;
-        value.ok_or_else(|| format!("expected a value in the column `{name}`"))
-    }
-
-    /// Name of the cell and run seed.
-    fn key(&self) -> Result<(String, u64), String> {
-        let name = from_spreadsheet_cell(self.text("cell")?);
-        Ok((name.into_owned(), self.required("seed")?))
-    }
-
-    fn cost(&self) -> Result<RunCost, String> {
-        let (episodes, env_steps) = (self.value("episodes")?, self.value("env_steps")?);
-        Ok(RunCost {
-            solved: self.value("solved")?,
-            episodes: self.value("episodes_to_solve")?.or(episodes),
-            env_steps: self.value("env_steps_to_solve")?.or(env_steps),
-            gradient_steps: self.value("gradient_steps")?,
-            had_policy_gradient: self.value("had_policy_gradient")?,
+    /// Checks that the table has exactly the columns that the report writes.
+    fn check_header(&self, header: &csv::StringRecord) -> Result<(), String> {
+        let names = self.measures.iter().map(|(_, name)| name.as_str());
+        let expected: Vec<&str> = report::COLUMNS.into_iter().chain(names).collect();
+        for name in &expected {
+            let count = header.iter().filter(|found| found == name).count();
+            // Earlier versions had no names of runs.
+            if count != 1 && (count > 1 || *name != "run") {
+                return Err(format!("expected one column `{name}`, found {count}"));
+            }
+        }
+        let unknown = header.iter().find(|name| !expected.contains(name));
+        unknown.map_or(Ok(()), |name| {
+            Err(format!("the study has no column `{name}`"))
         })
     }
 
-    fn score(&self, measure: Measure, run_seed: u64) -> Result<Option<RunScore>, String> {
-        let Some(value) = self.value::<f64>(&column(measure))? else {
-            return Ok(None);
-        };
-        let is_censored = measure.is_time() && !value.is_finite();
-        let end = if measure == Measure::EnvStepsToSolve {
-            "env_steps"
-        } else {
-            "episodes"
-        };
-        let observed_until = if is_censored {
-            self.required(end)?
-        } else {
-            f64::INFINITY
-        };
-        Ok(Some(RunScore {
-            run_seed,
-            value,
-            observed_until,
-        }))
-    }
-}
-
-/// Run seeds of each cell, by its name.
-type RunSeeds = HashMap<String, HashSet<u64>>;
-
-/// Adds a run to its cell, if its run seed is one of the cell's.
-fn add_row(
-    results: &mut Results,
-    run_seeds: &RunSeeds,
-    measures: &[Measure],
-    row: &Row<'_>,
-) -> Result<(), String> {
-    let (name, run_seed) = row.key()?;
-    let cell = results
-        .cells
-        .iter_mut()
-        .find(|cell| cell.description.name == name);
-    let cell = cell.ok_or_else(|| format!("the study has no cell `{name}`"))?;
-    let is_of_cell = run_seeds
-        .get(&name)
-        .is_some_and(|run_seeds| run_seeds.contains(&run_seed));
-    if !is_of_cell || cell.has_run(run_seed) {
-        return Err(format!(
-            "the study has no (second) run of `{name}` with run seed {run_seed}"
-        ));
-    }
-    match row.text("state")? {
-        "finished" => {
-            let scores = measures.iter().map(|&measure| row.score(measure, run_seed));
-            let scores = scores.collect::<Result<Vec<_>, _>>()?;
-            cell.add_scored_run(run_seed, row.cost()?, measures, scores);
+    /// Adds a run to its cell, if its run seed is one of the cell's and its values are possible.
+    fn add(&mut self, results: &mut Results, row: &Row<'_>) -> Result<(), String> {
+        let (name, run_seed) = row.key()?;
+        let cell = results
+            .cells
+            .iter_mut()
+            .find(|cell| cell.description.name == name);
+        let cell = cell.ok_or_else(|| format!("the study has no cell `{name}`"))?;
+        let run_seeds = self.run_seeds.get(&name);
+        let is_of_cell = run_seeds.is_some_and(|run_seeds| run_seeds.contains(&run_seed));
+        if !is_of_cell || cell.has_run(run_seed) {
+            return Err(format!(
+                "the study has no (second) run of `{name}` with run seed {run_seed}"
+            ));
         }
-        "failed" => cell.failures.push((
-            run_seed,
-            from_spreadsheet_cell(row.text("reason")?).into_owned(),
-        )),
-        other => return Err(format!("`{other}` in the column `state`")),
+        row.check(cell, &self.measures)?;
+        match row.text("state")? {
+            "finished" => {
+                self.check_has_values(&name, row)?;
+                let measures = self.measures.iter();
+                let (measures, scores): (Vec<Measure>, Vec<_>) = measures
+                    .map(|(measure, name)| (*measure, row.score(*measure, name, run_seed)))
+                    .unzip();
+                let scores = scores.into_iter().collect::<Result<Vec<_>, _>>()?;
+                cell.add_scored_run(run_seed, row.cost()?, &measures, scores);
+            }
+            "failed" => cell.failures.push((
+                run_seed,
+                from_spreadsheet_cell(row.text("reason")?).into_owned(),
+            )),
+            other => return Err(format!("`{other}` in the column `state`")),
+        }
+        Ok(())
     }
-    Ok(())
+
+    /// Checks that all finished runs of a cell have the same measures.
+    fn check_has_values(&mut self, cell: &str, row: &Row<'_>) -> Result<(), String> {
+        let measures = self.measures.iter();
+        let mut names = vec!["solved".to_owned()];
+        for (measure, name) in measures {
+            if !row.may_lack(*measure)? {
+                names.push(name.clone());
+            }
+        }
+        for name in names {
+            let has_value = !row.text(&name)?.is_empty();
+            let message = format!(
+                "`{}` in the column `{name}`; expected {} as of other runs of the cell",
+                row.text(&name)?,
+                if has_value { "nothing" } else { "a value" }
+            );
+            let of_cell = self.has_value.entry((cell.to_owned(), name));
+            if *of_cell.or_insert(has_value) != has_value {
+                return Err(message);
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Counts the runs of each cell that the table lacks, up to the first look that has all its runs.
