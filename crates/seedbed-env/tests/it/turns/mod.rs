@@ -1,7 +1,7 @@
 //! Joints and free bodies that turn fast or far, and joints at the ends of their ranges, against
 //! closed forms: with and without contacts, at several speeds, control steps and substeps.
 
-use std::f64::consts::TAU;
+mod ends;
 
 use seedbed_env::description::BodyTask;
 use seedbed_env::dynamics::Dynamics;
@@ -296,110 +296,6 @@ fn rewards_add_up_to_the_angle() {
     }
 }
 
-const RANGES: [[f64; 2]; 9] = [
-    [-1.0, 0.5],
-    [0.0, 6.28],
-    [0.0, TAU],
-    [-3.0, 3.0],
-    [-2.7, 2.7],
-    [-10.0, 10.0],
-    [0.0, 1000.0],
-    [-1e9, 2.0],
-    [95.0, 97.0],
-];
-
-/// A joint passes an end by at most what it moves in a substep, and bounces with at most a fifth of its
-/// speed. Pushed against an end, it comes to rest there.
-#[test]
-fn ends_hold_at_any_range_and_speed() {
-    let mut failures = Vec::new();
-    for (rig, substep) in rigs(&HINGES).chain(rigs(&SLIDES)) {
-        for [low, high] in RANGES {
-            for rate in RATES {
-                // An angle of 1e9 rad changes by 64 rad at least.
-                if rate < 0.0 && low < -1e6 {
-                    continue;
-                }
-                for push in [0.0, 5.0] {
-                    let fields = format!("range: ({low:?}, {high:?})");
-                    let rig = Rig {
-                        fields: &fields,
-                        actuators: PUSH,
-                        ..rig
-                    };
-                    let start = if rate > 0.0 {
-                        (high - 1.0).max(low)
-                    } else {
-                        (low + 1.0).min(high)
-                    };
-                    let force = (push * rate.signum()) as f32;
-                    let mut bodies = rig.start(start, rate);
-                    let mut passed = 0.0_f64;
-                    for _ in 0..200 {
-                        bodies.step(&[force]);
-                        let (position, _) = state(&*bodies, 0);
-                        passed = passed.max(position - high).max(low - position);
-                    }
-                    let (position, velocity) = state(&*bodies, 0);
-                    let end = if rate > 0.0 { high } else { low };
-                    // The push adds to the speed within the range of 1.
-                    let speed = rate.abs() + 4.0 * f64::from(push > 0.0) * (50.0_f64 * 2.0).sqrt();
-                    let tolerance = 1e-3 + 1e-6 * end.abs();
-                    let resolution = 1e-7 * end.abs() / substep;
-                    let is_far = passed > speed * substep * 1.01 + tolerance;
-                    let is_fast = velocity.abs() > 0.2 * speed;
-                    let ends_beyond =
-                        position < low - tolerance - 0.2 || position > high + tolerance + 0.2;
-                    let is_not_at_rest = push > 0.0
-                        && (velocity.abs() > 1e-3 + resolution
-                            || (position - end).abs() > 50.0 * substep * substep + tolerance);
-                    if is_far || is_fast || ends_beyond || is_not_at_rest {
-                        failures.push(format!("{} at {rate}, push {push}: passed {passed} ({}), {position} at {velocity}", rig.describe(), speed * substep));
-                    }
-                }
-            }
-        }
-    }
-    assert_none(&failures);
-}
-
-/// While a joint is pressed on an end, its velocity is 0 after every step.
-#[test]
-fn a_joint_that_rests_on_an_end_has_no_velocity() {
-    let mut failures = Vec::new();
-    for (rig, substep) in rigs(&HINGES).chain(rigs(&SLIDES)) {
-        for push in [0.3_f64, -5.0, 50.0] {
-            let rig = Rig {
-                fields: "range: (-1.0, 0.5)",
-                actuators: PUSH,
-                ..rig
-            };
-            let end = if push > 0.0 { 0.5 } else { -1.0 };
-            let mut bodies = rig.start(end, 0.0);
-            for step in 0..60 {
-                bodies.step(&[push as f32]);
-                let (position, velocity) = state(&*bodies, 0);
-                let acceleration = push.abs()
-                    / if rig.kind.starts_with("Hinge") {
-                        0.1
-                    } else {
-                        2.0
-                    };
-                if step > 40
-                    && (velocity.abs() > 1e-4 * acceleration
-                        || (position - end).abs() > acceleration * substep * substep + 1e-4)
-                {
-                    failures.push(format!(
-                        "{} push {push}: {position} at {velocity}",
-                        rig.describe()
-                    ));
-                }
-            }
-        }
-    }
-    assert_none(&failures);
-}
-
 /// J q̈ = kp (target − q) − kv q̇ and kv (target − q̇): a position servo reaches a target of several
 /// turns, a velocity servo its speed.
 #[test]
@@ -511,27 +407,6 @@ fn fast_copies_are_independent() {
                     );
                 }
             }
-        }
-    }
-}
-
-/// A start beyond a turn and outside of the range is brought back to the nearest end.
-#[test]
-fn a_start_outside_of_its_range_is_brought_back() {
-    for (rig, _) in rigs(&HINGES).chain(rigs(&SLIDES)) {
-        for start in [20.0, -7.0] {
-            let rig = Rig {
-                fields: "range: (-1.0, 0.5), damping: 0.5",
-                ..rig
-            };
-            let mut bodies = rig.start(start, 0.0);
-            (0..400).for_each(|_| bodies.step(&[]));
-            let (position, velocity) = state(&*bodies, 0);
-            assert!(
-                (-1.01..0.51).contains(&position) && velocity.abs() < 0.05,
-                "{} from {start}: {position} at {velocity}",
-                rig.describe()
-            );
         }
     }
 }
