@@ -7,11 +7,14 @@ Usage: explorer.py SEEDBED RUN [--update]
 import base64
 import csv
 import io
+import json
 import random
 import re
+import struct
 import subprocess
 import sys
 import tempfile
+import zlib
 from pathlib import Path
 from urllib.parse import quote
 
@@ -303,6 +306,47 @@ def check_two_runs(browser: webdriver.Chrome, seedbed: str, run: Path, folder: P
     assert page.errors() == []
 
 
+def write_states(folder: Path, axes: list[tuple[str, str]], states: np.ndarray) -> Path:
+    """A run of one episode that another program recorded: docs/recording.md describes the file."""
+
+    def frame(kind: bytes, payload: bytes) -> bytes:
+        start = kind + struct.pack("<II", len(payload), zlib.crc32(payload))
+        return start + struct.pack("<I", zlib.crc32(start)) + payload
+
+    axis = lambda name, unit: {"name": name, "unit": unit, "low": None, "high": None}
+    observations = [axis(name, unit) for name, unit in axes]
+    header = {"agent": 0, "environment": axes[0][0], "observations": observations, "actions": [axis("push", "N")], "time_limit": None, "step_seconds": None}
+    steps = len(states) - 1
+    numbers = np.concatenate([states.ravel(), np.zeros(steps), np.ones(steps)]).astype("<f4")
+    episode = struct.pack("<IIIId", 0, 0, steps, 1, steps) + numbers.tobytes()
+    start = b"SBSTATES" + struct.pack("<I", 1)
+    start += struct.pack("<I", zlib.crc32(start))
+    (folder / "states").mkdir(parents=True)
+    (folder / "states" / "agent_0.states").write_bytes(start + frame(b"HEAD", json.dumps(header).encode()) + frame(b"EPIS", episode))
+    return folder
+
+
+def check_hostile_names(browser: webdriver.Chrome, seedbed: str, folder: Path) -> None:
+    """Names and units that try to become markup stay texts; states that are NaN are marked."""
+    name = "<!--<script>a,b:c;1=|\x1b[31m\u202e\x9b</script><img src=x onerror=\"window.wasRun = 1\">"
+    states = np.stack([np.linspace(-1, 1, 101), np.linspace(0, 5, 101)], axis=1)
+    states[::2, 1] = np.nan
+    run = write_states(folder / "hostile", [(name, "<!--<script>"), ("x", "</script>")], states)
+    page = Page(browser, write_page(seedbed, folder / "hostile.html", run))
+    assert page.run("return explorer.axes.slice(0, 2).map((axis) => [axis.name, axis.unit])") == [[name, "<!--<script>"], ["x", "</script>"]]
+    assert page.run("return explorer.runs[0].nan.slice(0, 2)") == [0, 51]
+    page.run("explorer.setBrush(0, [0, 40000]); explorer.draw();")
+    selected = page.counts()
+    address = page.run("return toHash(explorer)")
+    page.show("")
+    page.show(address)
+    assert page.counts() == selected and 0 < selected[0] < 101, address
+    svg = page.run("return toSvg(explorer)")
+    assert page.run("return new DOMParser().parseFromString(arguments[0], 'image/svg+xml').querySelector('parsererror')", svg) is None
+    assert page.run("return [window.wasRun ?? null, document.images.length, document.scripts.length]") == [None, 0, 2]
+    assert page.errors() == [], page.errors()
+
+
 STUDY = """Study(
     title: "Two teams",
     scenario: "cartpole",
@@ -360,6 +404,7 @@ def main() -> None:
             check_picture(page, update)
             assert page.errors() == [], page.errors()
             check_two_runs(browser, seedbed, run, folder)
+            check_hostile_names(browser, seedbed, folder)
             check_report(browser, seedbed, folder)
         finally:
             browser.quit()
