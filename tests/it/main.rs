@@ -22,6 +22,7 @@ mod recording;
 mod registration;
 mod reliability;
 mod review;
+mod salvage;
 mod scaling;
 mod shared_world;
 mod state_files;
