@@ -20,6 +20,8 @@ def verify(path: Path) -> None:
         RunError: It has others.
     """
     sums = path.parent / CHECKSUMS
+    if sums.exists() and not sums.is_file():
+        raise RunError(sums, "expected a regular file, found a folder, a pipe, a socket or a device")
     if not sums.is_file() or not path.is_file():
         return
     expected = _read(sums).get(path.name)

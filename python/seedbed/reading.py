@@ -365,6 +365,8 @@ def _frame(rows: list[dict[str, Any]], chosen: Frames) -> Any:
 
 
 def _text(path: Path) -> str:
+    if path.exists() and not path.is_file():
+        raise RunError(path, "expected a regular file, found a folder, a pipe, a socket or a device")
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:

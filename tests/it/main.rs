@@ -26,6 +26,7 @@ mod recording;
 mod registration;
 mod reliability;
 mod review;
+mod salvage;
 mod scaling;
 mod self_contained;
 mod shared_world;

@@ -12,11 +12,13 @@ use seedbed::record::RecordedStates;
 use seedbed::record::state_files::StateFiles;
 use seedbed::run::Plan;
 use seedbed::run::checkpoint::Checkpoint;
+use seedbed::run::overview::RunOverview;
 use seedbed::run::trainer::Trainer;
 use seedbed::study::claims;
 use seedbed::study::report;
 use seedbed::study::results::Results;
 use seedbed::study::store::StudyFolder;
+use seedbed::text::align_columns;
 use seedbed_env::random::Stream;
 
 use super::driver::Target;
@@ -240,6 +242,21 @@ fn frames_of(file: &[u8]) -> Vec<([u8; 4], Vec<u8>)> {
     frames
 }
 
+/// Makes a text in the header longer than widths in formats can be.
+fn lengthen_a_text(header: &mut Vec<u8>, random: &mut Stream) {
+    let Ok(mut json) = serde_json::from_slice::<serde_json::Value>(header) else {
+        return;
+    };
+    let length = [1_000, 1_001, 70_000][random.random_range(0..3)];
+    let text = serde_json::Value::from("é".repeat(length / 2));
+    match random.random_range(0..3) {
+        0 => json["environment"] = text,
+        1 => json["observations"][0]["name"] = text,
+        _ => json["actions"][0]["unit"] = text,
+    }
+    *header = json.to_string().into_bytes();
+}
+
 impl Target for States {
     fn path(&self) -> PathBuf {
         self.path.clone()
@@ -253,7 +270,11 @@ impl Target for States {
             let other = any(&frames, random).clone();
             frames.insert(index, other);
         }
-        change_bytes(&mut frames[index].1, &[], random);
+        if random.random_ratio(1, 8) {
+            lengthen_a_text(&mut frames[0].1, random);
+        } else {
+            change_bytes(&mut frames[index].1, &[], random);
+        }
         let frames = frames
             .iter()
             .flat_map(|(kind, payload)| frame(*kind, payload));
@@ -269,6 +290,8 @@ impl Target for States {
             return false;
         };
         let _ = (files.axes(), files.episode_rows());
+        let listed = RunOverview::of(self.path.parent().unwrap().to_owned());
+        let _ = align_columns(&[vec![listed.results.environment.unwrap_or_default()]]);
         files.episodes().all(|episode| episode.is_ok())
     }
 }
