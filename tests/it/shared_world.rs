@@ -306,8 +306,8 @@ impl Experiment for Panicking {
         self.inner.max_episodes()
     }
 
-    fn digest(&self) -> String {
-        self.inner.digest()
+    fn digest_input(&self) -> Vec<u8> {
+        self.inner.digest_input()
     }
 
     fn learning_cost(&self) -> f64 {
