@@ -12,13 +12,14 @@ import io
 import json
 import math
 import os
+import shutil
 import struct
 import warnings
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -387,7 +388,7 @@ def cut(path: Path, found: Scan) -> None:
         with open(path, "rb") as file:
             file.seek(found.end)
             kept = _free_name(path)
-            replace_file(kept, file_start(found.header) + file.read())
+            replace_file(kept, file_start(found.header), file)
         message = (
             f"{path} is damaged {found.damage}: removed all from there on, which are the episodes from number {episodes} on "
             f"({lost} bytes; {episodes} episodes are left). They are kept in {kept}"
@@ -417,13 +418,21 @@ def explained(folder: Path) -> Iterator[None]:
         raise RecordingError(f"cannot record in {folder}: {error}") from error
 
 
-def replace_file(path: Path, content: bytes) -> None:
-    """Write a file so that it has either its old or its new content, whatever happens."""
+def replace_file(path: Path, content: bytes, rest: BinaryIO | None = None) -> None:
+    """Write a file so that it has either its old or its new content, whatever happens.
+
+    Args:
+        path: The file.
+        content: What is written.
+        rest: A file whose content, from its position on, follows.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with open(part, "wb") as file:
             file.write(content)
+            if rest is not None:
+                shutil.copyfileobj(rest, file)
             file.flush()
             os.fsync(file.fileno())
         os.replace(part, path)
