@@ -269,7 +269,9 @@ metrics! {
             title: "prediction error", range: Range::NotNegative, group: Group::Curiosity, plotted: true
         }
         /// Mean rank correlation between the bonuses that different agents give to the same steps.
-        /// Measured if at least two agents have separate dynamics models.
+        /// Measured if at least two agents have models that can differ: not with a shared model of `Rnd` or
+        /// `TeamEntropy`, which gives the same bonuses to all. With a shared model of `Vime` without
+        /// seeds, agents differ in their random draws of the weights only.
         bonus_agreement: Option<f32> as BonusAgreement {
             title: "bonus agreement", range: Range::Correlation, group: Group::Curiosity, plotted: true
         }

@@ -93,6 +93,9 @@ pub fn metadata(plan: &Plan, spec: &TaskSpec) -> Metadata {
     if let Some(info) = config.network_info(spec, agents as usize) {
         metadata.extend(network_texts(&info));
     }
+    if let Some(info) = config.planner_info(spec) {
+        metadata.insert("planner", json(&info));
+    }
     metadata
 }
 

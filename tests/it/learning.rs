@@ -250,6 +250,14 @@ fn bonus_agreement_needs_two_dynamics_models() {
     );
     assert_eq!(mountain_car(&["agents.count=1"]), None);
     assert_eq!(mountain_car(&["algorithm.bonus=None"]), None);
+    for bonus in ["Rnd", "TeamEntropy"] {
+        let of_model = |model| {
+            let bonus = format!("algorithm.bonus={bonus}(model: {model})");
+            mountain_car(&[&bonus])
+        };
+        assert_eq!(of_model("Shared"), None, "{bonus}: the same for all agents");
+        assert!(of_model("Independent").is_some_and(|agreement| agreement < 1.0));
+    }
     let q_learning = |extra_overrides: &[&str]| {
         bonus_agreement_after_three_rounds(
             "cartpole_q.ron",

@@ -6,6 +6,7 @@ use super::{Trainer, TrainingSettings};
 use crate::scenario::{Scenario, Schedule, StepsOf};
 use seedbed_env::input::InputError;
 use seedbed_env::{Physics, TaskDescription, TaskSpec, build};
+use seedbed_learn::agent::bonus::Bonus;
 use seedbed_learn::team::{LearningTiming, Team, TeamContext};
 
 impl Trainer {
@@ -72,13 +73,15 @@ fn build_team(scenario: &Scenario, spec: &TaskSpec, ranks: Ranks) -> Box<dyn Tea
 }
 
 fn training_settings(scenario: &Scenario, threads: usize) -> TrainingSettings {
+    let bonus = scenario.algorithm.config().bonus();
     TrainingSettings {
         run_seed: scenario.seed,
         schedule: scenario.schedule,
         stop: scenario.stop.clone(),
         scene: scenario.recording.scene.clone(),
         transitions_kept: scenario.algorithm.transitions_kept(),
-        has_intrinsic_rewards: scenario.algorithm.largest_intrinsic_reward().is_some(),
+        compares_bonuses: scenario.algorithm.largest_intrinsic_reward().is_some()
+            && !bonus.is_some_and(Bonus::is_same_for_all_agents),
         threads,
         ranks: Ranks::SINGLE,
     }

@@ -71,8 +71,8 @@ pub struct TrainingSettings {
     pub scene: Option<SceneSettings>,
     /// Number of the team's transitions that are kept after all agents have learned from them.
     pub transitions_kept: u64,
-    /// Whether the agents have intrinsic rewards, whose agreement between agents is measured.
-    pub has_intrinsic_rewards: bool,
+    /// Whether the agents have intrinsic rewards that can differ, whose agreement is measured.
+    pub compares_bonuses: bool,
     /// Number of threads for updates; 0 is the number of cores. Results do not depend on it.
     pub threads: usize,
     /// The processes over which the run is divided. Results do not depend on their number.
@@ -87,7 +87,7 @@ impl Default for TrainingSettings {
             stop: Stop::default(),
             scene: None,
             transitions_kept: 0,
-            has_intrinsic_rewards: false,
+            compares_bonuses: false,
             threads: 1,
             ranks: Ranks::SINGLE,
         }
@@ -403,7 +403,7 @@ impl Trainer {
             )
         } else {
             let played = rollout::play(groups, team, &plan, workers);
-            let needs_first = self.settings.has_intrinsic_rewards;
+            let needs_first = self.settings.compares_bonuses;
             let shared =
                 shared_episodes::share(played.episodes, team, self.round, needs_first, ranks);
             (shared, played.body_trajectories, played.warnings)
@@ -555,7 +555,7 @@ impl Trainer {
     /// Agreement of the agents' intrinsic rewards for the steps of the round's first episode; see
     /// [`agreement`].
     fn bonus_agreement(&mut self) -> Option<f64> {
-        if !self.settings.has_intrinsic_rewards {
+        if !self.settings.compares_bonuses {
             return None;
         }
         let probe_episode = self

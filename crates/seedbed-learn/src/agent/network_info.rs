@@ -166,6 +166,22 @@ pub struct BonusInfo {
     pub scale: String,
 }
 
+/// The model in which agents plan.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlannerInfo {
+    /// Names of the model's tensors up to e.g. `.inputs.mean`.
+    pub model: &'static str,
+    /// Names of the inputs in order: observations, then the action. Choices are written `name = value`
+    /// and are 1 or 0.
+    pub inputs: Vec<String>,
+    /// Names of the outputs in order: changes of observations, the reward, and the end.
+    pub outputs: Vec<String>,
+    /// How inputs are scaled, and what the outputs predict.
+    pub formula: &'static str,
+    /// The parameters of the search, as in a scenario.
+    pub settings: String,
+}
+
 /// A setting as it is written in a scenario.
 pub(crate) fn setting_text(setting: &impl Serialize) -> String {
     ron::to_string(setting).expect("settings are plain data")

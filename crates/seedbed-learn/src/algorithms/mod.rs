@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::agent::TeamConfig;
 use crate::agent::bonus::Bonus;
-use crate::agent::network_info::NetworkInfo;
+use crate::agent::network_info::{NetworkInfo, PlannerInfo};
 use crate::agent::policy::ActionSelection;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
@@ -90,6 +90,11 @@ pub trait AlgorithmConfig {
     /// How the networks of a team of `agents` are evaluated, for readers of its
     /// [tensors](Team::tensors); none if it has no networks.
     fn network_info(&self, _task: &TaskSpec, _agents: usize) -> Option<NetworkInfo> {
+        None
+    }
+
+    /// The model in which agents plan, for readers of its tensors; none if they do not plan.
+    fn planner_info(&self, _task: &TaskSpec) -> Option<PlannerInfo> {
         None
     }
 

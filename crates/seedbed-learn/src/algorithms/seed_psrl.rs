@@ -14,8 +14,9 @@ use serde::{Deserialize, Serialize};
 
 use super::AlgorithmConfig;
 use crate::agent::bonus::SHARED_OWNER;
-use crate::agent::dynamics::transitions::{ActionEncoding, Targets};
+use crate::agent::dynamics::transitions::{ActionEncoding, Targets, TransitionEncoder};
 use crate::agent::dynamics::{DynamicsModel, ModelShape, fill_normal};
+use crate::agent::network_info::{PlannerInfo, setting_text};
 use crate::agent::planning::Plan;
 use crate::agent::planning::imagination::{Imagination, ModelUnits};
 use crate::agent::planning::search::{Search, SearchSettings};
@@ -167,6 +168,21 @@ impl AlgorithmConfig for SeedPsrl {
         self.transitions.get().into()
     }
 
+    fn planner_info(&self, task: &TaskSpec) -> Option<PlannerInfo> {
+        let changes = task
+            .observations
+            .iter()
+            .map(|o| format!("change of {}", o.name));
+        let outcomes = ["reward", "end"].map(str::to_owned);
+        Some(PlannerInfo {
+            model: "team.dynamics",
+            inputs: TransitionEncoder::input_names(task),
+            outputs: changes.chain(outcomes).collect(),
+            formula: FORMULA,
+            settings: setting_text(self),
+        })
+    }
+
     fn memory(&self, task: &TaskSpec, agents: u32, _steps: u64) -> u64 {
         let (shape, search) = (self.shape(), self.search(task));
         let plan = u64::from(self.horizon.get()) * search.width() as u64;
@@ -185,6 +201,13 @@ impl AlgorithmConfig for SeedPsrl {
         planning / 5.0 + 20.0 / f64::from(agents)
     }
 }
+
+/// How the model predicts, for readers of its tensors.
+const FORMULA: &str = "inputs: a continuous action is first scaled to its range, clip((a - center) / \
+    half_range, -1, 1); then x = clip((input - inputs.mean) / inputs.deviation, -10, 10). Network: \
+    weights w = mean + scale * deviation * z, relu between the layers. Outputs o: a change is \
+    changes.root_mean_square * clip(o, -10, 10); the reward is outcomes.unit[0] * clip(o, -10, 10); \
+    the probability of an end is clip(outcomes.unit[1] * o, 0, 1).";
 
 impl SeedPsrl {
     fn shape(&self) -> ModelShape<'_> {

@@ -198,6 +198,13 @@ impl Bonus {
         self.sharing() == Some(ModelSharing::Shared)
     }
 
+    /// Whether all agents give the same bonus to the same step, whatever they have learned: they share a
+    /// model that has neither seeds nor random draws.
+    #[must_use]
+    pub fn is_same_for_all_agents(&self) -> bool {
+        self.has_shared_model() && matches!(self, Self::Rnd(_) | Self::TeamEntropy(_))
+    }
+
     /// Whether each agent has a model that learns from its own experience only.
     #[must_use]
     pub fn has_independent_models(&self) -> bool {

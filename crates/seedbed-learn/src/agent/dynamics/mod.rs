@@ -170,12 +170,16 @@ impl DynamicsModel {
         means.all(|mean| mean.is_finite())
     }
 
-    /// Means and standard deviations of the weights, and the moments of inputs and changes.
+    /// Means and standard deviations of the weights, the moments of inputs and changes, and the units
+    /// of outcomes if they are predicted.
     pub(crate) fn tensors(&self) -> Vec<Tensor<'_>> {
+        let units = self.encoder.outcome_units();
+        let units = units.map(|outcomes| Tensor::list("outcomes.unit", outcomes.units().to_vec()));
         let (mlp, weights) = (self.network.likelihood().mlp(), self.network.posterior());
         network_tensors(mlp, &weights.mean, "mean")
             .chain(network_tensors(mlp, &weights.deviation, "deviation"))
             .chain(self.encoder.tensors())
+            .chain(units)
             .collect()
     }
 

@@ -232,6 +232,62 @@ fn a_plan_has_the_action_with_the_highest_reward() {
 }
 
 /// A plan of 4 actions, each held for 2 steps, of which 3 are executed.
+/// What is stored is enough to predict as agents imagine: the reward of one step from the tensors alone.
+/// The model has no hidden layer, and its weights are the means.
+#[test]
+fn stored_tensors_predict_what_agents_imagine() {
+    let config = SeedPsrl {
+        hidden: Vec::new(),
+        ..config(ModelDraw::Mean)
+    };
+    let spec = continuous();
+    let mut team = team_of(&config, &spec, 1, None);
+    trained(&mut team, &spec, |x, push| 50.0 * x + push);
+    let tensors = team.tensors();
+    let tensor = |name: &str| -> Vec<f64> {
+        let name = format!("team.dynamics.{name}");
+        let found = tensors.iter().find(|tensor| tensor.name == name);
+        let found = found.unwrap_or_else(|| panic!("no {name}"));
+        found.values.iter().copied().map(f64::from).collect()
+    };
+    let (x, push) = (0.3_f32, -0.5_f32);
+    let [mean, deviation] = ["inputs.mean", "inputs.deviation"].map(tensor);
+    let inputs: Vec<f64> = [x, push]
+        .iter()
+        .zip(mean.iter().zip(&deviation))
+        .map(|(&input, (mean, deviation))| {
+            ((f64::from(input) - mean) / deviation).clamp(-10.0, 10.0)
+        })
+        .collect();
+    let [weight, bias] = ["mean.layer_0.weight", "mean.layer_0.bias"].map(tensor);
+    // Outputs: the change of x, the reward, the end; weights are `[inputs, outputs]`.
+    let output = |index: usize| {
+        let weighted = inputs.iter().enumerate();
+        weighted
+            .map(|(input, x)| x * weight[3 * input + index])
+            .sum::<f64>()
+            + bias[index]
+    };
+    let expected = tensor("outcomes.unit")[0] * output(1).clamp(-10.0, 10.0);
+    let mut returns = [0.0];
+    let imagination = Imagination {
+        likelihood: team.model.network().likelihood(),
+        weights: &team.model.network().posterior().mean,
+        units: &team.units,
+        discount: 1.0,
+        hold: 1,
+    };
+    imagination.compute_returns(&[x], &[push], &mut Default::default(), &mut returns);
+    let imagined = f64::from(returns[0]);
+    assert!(
+        (imagined - expected).abs() < 1e-4 * expected.abs(),
+        "{imagined}, expected {expected}"
+    );
+    let info = config.planner_info(&spec).unwrap();
+    assert_eq!(info.inputs, ["x", "push"]);
+    assert_eq!(info.outputs, ["change of x", "reward", "end"]);
+}
+
 #[test]
 fn actions_are_held_and_plans_are_executed() {
     let config = SeedPsrl {
