@@ -2,8 +2,8 @@
 
 use super::PlottedRun;
 use seedbed::record::metrics::{Metric, Scope, round_metrics_in_display_order};
-use seedbed::run::Plan;
 use seedbed::record::state_files::Learners;
+use seedbed::run::Plan;
 use seedbed::run::summary::FINAL_WINDOW;
 use seedbed::study::measure::trailing_means;
 use seedbed::text::without_trailing_zeros;
