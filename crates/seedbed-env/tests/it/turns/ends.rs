@@ -45,7 +45,7 @@ fn ends_hold_at_any_range_and_speed() {
                     let force = (push * rate.signum()) as f32;
                     let mut bodies = rig.start(start, rate);
                     let mut passed = 0.0_f64;
-                    for _ in 0..100 {
+                    for _ in 0..200 {
                         bodies.step(&[force]);
                         let (position, _) = state(&*bodies, 0);
                         passed = passed.max(position - high).max(low - position);
@@ -186,8 +186,8 @@ fn an_end_holds_a_servo() {
     assert_none(&failures);
 }
 
-/// A chain that hangs on hard ends is at rest. With contacts, the passes over both ends leave up to 0.05 rad/s
-/// inward of the 0.1 rad/s that gravity gives in a substep.
+/// A chain that hangs on hard ends is at rest. With contacts, the passes over both ends leave what gravity
+/// gives in a substep, 0.1 rad/s, and 0.01 rad/s without.
 #[test]
 fn a_chain_that_hangs_on_ends_has_no_velocity() {
     for collider in ["", "colliders: [(geom: Ball(radius: 0.02))]"] {
@@ -212,12 +212,13 @@ fn a_chain_that_hangs_on_ends_has_no_velocity() {
             );
             let mut bodies = rigid_bodies(&task, 1);
             bodies.start(0, &[0.0; 2], &[0.0; 2]);
+            let max_rate = if collider.is_empty() { 0.01 } else { 0.15 };
             for step in 0..300 {
                 bodies.step(&[]);
                 for (joint, end) in [(0, -0.3), (1, 0.5)] {
                     let (position, velocity) = state(&*bodies, joint);
                     assert!(
-                        step < 200 || (velocity.abs() < 0.05 && (position - end).abs() < 0.03),
+                        step < 200 || (velocity.abs() < max_rate && (position - end).abs() < 0.03),
                         "{collider} {solver} {step} {joint}: {position} at {velocity}"
                     );
                 }
