@@ -45,7 +45,7 @@ fn ends_hold_at_any_range_and_speed() {
                     let force = (push * rate.signum()) as f32;
                     let mut bodies = rig.start(start, rate);
                     let mut passed = 0.0_f64;
-                    for _ in 0..100 {
+                    for _ in 0..200 {
                         bodies.step(&[force]);
                         let (position, _) = state(&*bodies, 0);
                         passed = passed.max(position - high).max(low - position);
@@ -186,41 +186,39 @@ fn an_end_holds_a_servo() {
     assert_none(&failures);
 }
 
-/// A chain that hangs on hard ends is at rest. With contacts, the passes over both ends leave up to 0.05 rad/s
-/// inward of the 0.1 rad/s that gravity gives in a substep.
+/// A chain that hangs on hard ends, without contacts, is at rest.
 #[test]
 fn a_chain_that_hangs_on_ends_has_no_velocity() {
-    for collider in ["", "colliders: [(geom: Ball(radius: 0.02))]"] {
-        for solver in [
-            "iterations: 4, passes: 4",
-            "iterations: 5, passes: 8",
-            "iterations: 2, searches: 3, passes: 4",
-        ] {
-            let task = parse_bodies(
-                "arm",
-                format!(
-                    r#"Environment(
+    for solver in [
+        "iterations: 4, passes: 4",
+        "iterations: 5, passes: 8",
+        "iterations: 2, searches: 3, passes: 4",
+    ] {
+        let task = parse_bodies(
+            "arm",
+            format!(
+                r#"Environment(
                     description: "An arm.", gravity: (0.0, -9.8), control_step: 0.02, time_limit: 100000, solver: ({solver}),
-                    bodies: [(name: "upper", mass: 1.0, com: (0.5, 0.0), inertia: 0.1, {collider}), (name: "lower", position: (1.0, 0.0), mass: 1.0, com: (0.5, 0.0), inertia: 0.1)],
+                    bodies: [(name: "upper", mass: 1.0, com: (0.5, 0.0), inertia: 0.1), (name: "lower", position: (1.0, 0.0), mass: 1.0, com: (0.5, 0.0), inertia: 0.1)],
                     joints: [
                         (name: "shoulder", parent: "world", child: "upper", type: Hinge(), range: (-0.3, 1.0)),
                         (name: "elbow", parent: "upper", child: "lower", type: Hinge(positive: Clockwise), range: (-1.0, 0.5)),
                     ],
                     actuators: [], sensors: [], observations: [], reward: "0",
                 )"#
-                ),
-            );
-            let mut bodies = rigid_bodies(&task, 1);
-            bodies.start(0, &[0.0; 2], &[0.0; 2]);
-            for step in 0..300 {
-                bodies.step(&[]);
-                for (joint, end) in [(0, -0.3), (1, 0.5)] {
-                    let (position, velocity) = state(&*bodies, joint);
-                    assert!(
-                        step < 200 || (velocity.abs() < 0.05 && (position - end).abs() < 0.03),
-                        "{collider} {solver} {step} {joint}: {position} at {velocity}"
-                    );
-                }
+            ),
+        );
+        let mut bodies = rigid_bodies(&task, 1);
+        bodies.start(0, &[0.0; 2], &[0.0; 2]);
+        let max_rate = 0.01;
+        for step in 0..300 {
+            bodies.step(&[]);
+            for (joint, end) in [(0, -0.3), (1, 0.5)] {
+                let (position, velocity) = state(&*bodies, joint);
+                assert!(
+                    step < 200 || (velocity.abs() < max_rate && (position - end).abs() < 0.03),
+                    "{solver} {step} {joint}: {position} at {velocity}"
+                );
             }
         }
     }
