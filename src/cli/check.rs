@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use super::{CliError, pluralize};
 use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
-use seedbed::scenario::Scenario;
 use seedbed::study::experiment::Experiment;
 use seedbed::study::plan::StudyPlan;
 use seedbed::study::tuning::plan::TuningFile;
@@ -69,9 +68,7 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
         }
         FileKind::Scenario => {
             let plan = Plan::load(path, &[])?;
-            warnings.extend(plan.warning());
-            let Scenario { physics, seed, .. } = plan.scenario;
-            warnings.extend(physics_warnings(&plan.description.for_run(seed), physics));
+            warnings.extend(plan.warnings());
             let agents = pluralize(plan.scenario.agents.count.get() as usize, "agent");
             Ok(format!(
                 "scenario with {agents} in `{}`; {}",

@@ -118,7 +118,7 @@ impl RunSource {
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         match self {
-            Self::Experiment(experiment) => experiment.warning().into_iter().collect(),
+            Self::Experiment(experiment) => experiment.warnings(),
             Self::External(runs) => runs.warnings(),
         }
     }

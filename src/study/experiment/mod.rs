@@ -63,9 +63,9 @@ pub trait Experiment: Debug + Send + Sync {
     /// Approximate number of bytes of memory that a run needs.
     fn memory(&self) -> u64;
 
-    /// Why these valid settings may not do what they seem to do; `None` if nothing is known.
-    fn warning(&self) -> Option<String> {
-        None
+    /// Why these valid settings may not do what they seem to do; empty if nothing is known.
+    fn warnings(&self) -> Vec<String> {
+        Vec::new()
     }
 
     /// Whether its agents have networks, which are saved at the end of a run.

@@ -49,15 +49,18 @@ impl Experiment for Plan {
         Self::memory(self).total()
     }
 
-    fn warning(&self) -> Option<String> {
+    fn warnings(&self) -> Vec<String> {
         let scenario = &self.scenario;
         let has_no_signal = scenario.algorithm.config().learns_from_rewards_only()
             && scenario.agents.seeds.sigma() == 0.0;
-        has_no_signal.then(|| {
+        let no_signal = has_no_signal.then(|| {
             "with `value_scale: 0`, no bonus and no reward seeds, policies do not change before an agent \
              receives a reward; such agents are no baseline of learning"
                 .to_owned()
-        })
+        });
+        let task = self.description.for_run(scenario.seed);
+        let physics = seedbed_env::physics_warnings(&task, scenario.physics);
+        no_signal.into_iter().chain(physics).collect()
     }
 
     /// Rounds of which each agent learns from the episodes of all agents have K² such pairs.

@@ -566,6 +566,16 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> 
             body.name.as_ref()
         )));
     }
+    // The solver divides by both.
+    for (quantity, number, unit) in [("mass", mass, "kg"), ("inertia", inertia, "kg m²")] {
+        if !is_single(1.0 / number) {
+            return Err(body.name.error(format!(
+                "body `{}` has the {quantity} {number:e} {unit}, with which nothing moves it in single precision: \
+                 expected less than 8e37 {unit}",
+                body.name.as_ref()
+            )));
+        }
+    }
     Ok(Inertial { mass, com, inertia })
 }
 

@@ -44,7 +44,8 @@ impl Geometry {
     pub fn set_terrain(&mut self, copy: usize, collider: usize, line: &[[f32; 2]]) {
         let terrains = &mut self.terrains[copy];
         terrains.retain(|(other, _)| *other != collider);
-        terrains.push((collider, oriented_line(line)));
+        // Without a line, the copy is not live.
+        terrains.extend(terrain_line(line).map(|line| (collider, line)));
     }
 
     /// The shape of a collider of `copy`.
@@ -157,12 +158,21 @@ fn shape(surface: &Surface) -> (SharedShape, Pose) {
 }
 
 /// An open line that can be touched from its right-hand side.
-pub(super) fn oriented_line(points: &[[f32; 2]]) -> SharedShape {
+fn oriented_line(points: &[[f32; 2]]) -> SharedShape {
     SharedShape::new(Polyline::with_flags(
         vectors(points),
         None,
         PolylineFlags::ORIENTED,
     ))
+}
+
+/// Maximum of the coordinates of a terrain's points, m.
+const FARTHEST: f32 = 1e6;
+
+/// The line of a terrain; `None` if some of its points cannot be computed with.
+pub(super) fn terrain_line(points: &[[f32; 2]]) -> Option<SharedShape> {
+    let is_near = points.iter().flatten().all(|along| along.abs() <= FARTHEST);
+    is_near.then(|| oriented_line(points))
 }
 
 /// The convex hull of some points that [`has_area`](super::shape::has_area).

@@ -8,7 +8,7 @@ use rapier2d::prelude::{
 };
 use serde::{Deserialize, Serialize};
 
-use super::super::geometry::oriented_line;
+use super::super::geometry::terrain_line;
 use super::super::turns::MAX_TURN_PER_SUBSTEP;
 use super::super::vector;
 use super::build::WorldTemplate;
@@ -23,7 +23,8 @@ use crate::{Force, ForceSource, caught_panic};
 pub(super) struct World {
     simulation: PhysicsWorld,
     /// Lines of terrains: pairs of a collider and its shape, which replace those of the template when
-    /// an episode starts; `None` if not all of its heights are finite.
+    /// an episode starts; `None` if not all of its heights can be
+    /// computed with.
     #[serde(skip)]
     terrains: Vec<(usize, Option<SharedShape>)>,
     /// How far free bodies have turned in the latest control step: `[free bodies]`.
@@ -97,10 +98,8 @@ impl World {
 
     /// Sets the line of a terrain for the episodes that start from now on.
     pub(super) fn set_terrain(&mut self, collider: usize, line: &[[f32; 2]]) {
-        let is_finite = line.iter().flatten().all(|number| number.is_finite());
         self.terrains.retain(|(other, _)| *other != collider);
-        self.terrains
-            .push((collider, is_finite.then(|| oriented_line(line))));
+        self.terrains.push((collider, terrain_line(line)));
     }
 
     /// Starts an episode with the same bits as a new world: everything that Rapier keeps between
