@@ -102,7 +102,7 @@ def main() -> None:
         for _ in range(repeats):
             with tempfile.TemporaryDirectory() as folder:
                 bare = seconds_of(Nothing(observations, length, dtype), steps)
-                recorded = RecordVisitation(Nothing(observations, length, dtype), Path(folder) / "run")
+                recorded = RecordVisitation(Nothing(observations, length, dtype), Path(folder) / "run", keep_unfinished=False)
                 added.append((seconds_of(recorded, steps) - bare) / steps * 1e6)
                 empty.append((seconds_of(Plain(Nothing(observations, length, dtype)), steps) - bare) / steps * 1e6)
                 recorded.close()
@@ -116,7 +116,7 @@ def main() -> None:
         for _ in range(repeats):
             with tempfile.TemporaryDirectory() as folder:
                 bare = vector_seconds_of(NothingVector(copies, 8, 200), actions, steps)
-                recorded = RecordVisitationVector(NothingVector(copies, 8, 200), Path(folder) / "run")
+                recorded = RecordVisitationVector(NothingVector(copies, 8, 200), Path(folder) / "run", keep_unfinished=False)
                 added.append((vector_seconds_of(recorded, actions, steps) - bare) / (steps * copies) * 1e6)
                 recorded.close()
         print(f"  {copies} copies: {statistics.median(added):.2f}")

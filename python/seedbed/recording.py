@@ -325,11 +325,10 @@ def _warn_of_unfinished(folder: Path, steps: Sequence[int]) -> None:
 
 def _reward(reward: Any) -> float:
     """A reward as a number: also an array with one number, of any shape."""
-    if not isinstance(reward, np.ndarray):
-        with contextlib.suppress(TypeError):
-            return float(reward)
     try:
-        return float(np.asarray(reward).reshape(()).item())
+        if isinstance(reward, list) or getattr(reward, "ndim", 0) > 0:
+            reward = np.asarray(reward).reshape(()).item()
+        return float(reward)
     except (TypeError, ValueError):
         raise TypeError(f"the reward is {reward!r}, expected a number") from None
 
@@ -397,7 +396,8 @@ class _EpisodeRecorder:
             self._steps = 0
         step = self._steps
         self._actions[step] = action if self._numbers is None else self._numbers(action)
-        reward = _reward(reward)
+        if type(reward) is not float:
+            reward = _reward(reward)
         self._rewards[step] = reward
         self._total_reward += reward
         # NumPy would repeat an array of one number.
