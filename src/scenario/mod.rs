@@ -5,6 +5,7 @@
 
 mod catalogue;
 pub mod overrides;
+pub mod synonyms;
 
 use std::path::{Path, PathBuf};
 
@@ -244,7 +245,10 @@ fn one() -> Count<10_000> {
 /// # Errors
 /// If the file or an override is invalid.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Document<Scenario>, InputError> {
-    overrides::apply_all(input_files::read(path)?, overrides)
+    overrides::apply_all(
+        overrides::parse(path, input_files::read_text(path)?)?,
+        overrides,
+    )
 }
 
 /// Path of the file that a scenario's `environment` names. A name is looked up in the nearest
@@ -345,6 +349,21 @@ impl overrides::Resolve for Scenario {
 
     fn parameters() -> Vec<Parameter> {
         Self::catalogue()
+    }
+
+    fn check(&self) -> Result<(), ValidationError> {
+        self.check()
+    }
+
+    fn examples(text: &str) -> Vec<String> {
+        let algorithm = synonyms::algorithm_in(text);
+        let with =
+            |end| format!("Scenario(environment: \"cartpole\", algorithm: {algorithm}{end})");
+        vec![
+            with("()"),
+            with(""),
+            "Scenario(environment: \"cartpole\")".to_owned(),
+        ]
     }
 }
 

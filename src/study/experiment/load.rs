@@ -112,7 +112,8 @@ fn parse_with_overrides<T: Resolve>(
     text: String,
     overrides: &[String],
 ) -> Result<Document<T>, LoadError> {
-    let mut document = input::parse(origin, text).map_err(|error| LoadStep::Read.failed(error))?;
+    let document = overrides::parse(Path::new(origin), text);
+    let mut document = document.map_err(|error| LoadStep::Read.failed(error))?;
     for (index, assignment) in overrides.iter().enumerate() {
         document = overrides::apply(&document, assignment)
             .map_err(|error| LoadStep::Override(index).failed(error))?;
