@@ -17,6 +17,7 @@ macro_rules! note {
 }
 
 mod algorithms_page;
+mod arguments;
 mod bench;
 mod check;
 mod completions;
@@ -559,7 +560,7 @@ enum CliError {
 /// Runs the command line of this process.
 #[must_use]
 pub(crate) fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = arguments::parse();
     let result = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Check { files } => check::check(&files),

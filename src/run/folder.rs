@@ -11,8 +11,8 @@ use super::files::{cannot_remove, ignore_not_found};
 use super::{checkpoint, checksums, files, overview};
 use crate::input_files;
 use crate::record::state_files::StateFiles;
-use crate::scenario::{self, Scenario};
-use seedbed_env::input::{self, Document, InputError};
+use crate::scenario::{self, Scenario, overrides};
+use seedbed_env::input::{Document, InputError};
 
 /// The directory of one run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -294,7 +294,7 @@ pub fn read_scenario(path: &Path) -> Result<Document<Scenario>, InputError> {
 /// # Errors
 /// See [`read_scenario`].
 pub fn parse_scenario(path: &Path, text: String) -> Result<Document<Scenario>, InputError> {
-    let mut document: Document<Scenario> = input::parse(&path.display().to_string(), text)?;
+    let mut document: Document<Scenario> = overrides::parse(path, text)?;
     if let Some(folder) = RunFolder::of_scenario(path) {
         let task = scenario::task_name(&document.value.environment).to_owned();
         if folder.task_file(&task).is_file() {

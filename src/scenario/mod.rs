@@ -5,6 +5,7 @@
 
 mod catalogue;
 pub mod overrides;
+pub mod synonyms;
 mod threshold;
 
 pub use self::threshold::{Rounding, Threshold};
@@ -388,6 +389,21 @@ impl overrides::Resolve for Scenario {
 
     fn parameters() -> Vec<Parameter> {
         Self::catalogue()
+    }
+
+    fn check(&self) -> Result<(), ValidationError> {
+        self.check()
+    }
+
+    fn examples(text: &str) -> Vec<String> {
+        let algorithm = synonyms::algorithm_in(text);
+        let with =
+            |end| format!("Scenario(environment: \"cartpole\", algorithm: {algorithm}{end})");
+        vec![
+            with("()"),
+            with(""),
+            "Scenario(environment: \"cartpole\")".to_owned(),
+        ]
     }
 }
 

@@ -1,17 +1,20 @@
 //! Overrides such as `agents.count=16`: values of a resolved scenario that are replaced.
 
+use std::path::Path;
+
 use serde::de::DeserializeOwned;
 
-use seedbed_env::input::edit::{UnknownField, replace_value};
+use super::synonyms;
+use seedbed_env::input::edit::{UnknownField, opening, replace_value};
 use seedbed_env::input::limits::MAX_OVERRIDE_BYTES;
-use seedbed_env::input::{self, Document, InputError, nearest_name, quoted_list};
+use seedbed_env::input::{self, Document, InputError, ValidationError, nearest_name, quoted_list};
 use seedbed_learn::algorithms::catalogue::Parameter;
 
 /// Number of characters of an override that is too long which its error shows.
 const SHOWN_CHARACTERS: usize = 40;
 
 /// A file that can be written with all defaults.
-pub trait Resolve: DeserializeOwned {
+pub trait Resolve: DeserializeOwned + Clone {
     /// Text of the file with all defaults.
     fn resolved(&self) -> String;
 
@@ -20,6 +23,42 @@ pub trait Resolve: DeserializeOwned {
     fn parameters() -> Vec<Parameter> {
         Vec::new()
     }
+
+    /// Checks whether the values of different fields contradict each other.
+    ///
+    /// # Errors
+    /// The first contradiction.
+    fn check(&self) -> Result<(), ValidationError> {
+        Ok(())
+    }
+
+    /// Short files that are like `text`, which is invalid, the most similar one first. Not all are
+    /// valid.
+    #[must_use]
+    fn examples(text: &str) -> Vec<String>;
+
+    /// A file that is like `text`, which is invalid.
+    #[must_use]
+    fn like(text: &str) -> Option<Document<Self>> {
+        let examples = Self::examples(text);
+        let parsed = |text| input::parse("", text).ok();
+        examples.into_iter().find_map(parsed)
+    }
+}
+
+/// Reads the text of the file at `path`.
+///
+/// # Errors
+/// The text is not a `T`; names of other libraries are explained.
+pub fn parse<T: Resolve>(path: &Path, text: String) -> Result<Document<T>, InputError> {
+    let parsed = input::parse(&path.display().to_string(), text.clone());
+    parsed.map_err(|error| synonyms::explain::<T>(&text, error))
+}
+
+/// What the value of a field begins with in the file with all defaults, such as `SeedPg(`; none if
+/// there is no such field.
+pub(super) fn opening_of<T: Resolve>(document: &Document<T>, path: &str) -> Option<String> {
+    opening(&document.value.resolved(), path)
 }
 
 /// The file with values replaced, each by `path.to.field=value`.
@@ -39,8 +78,26 @@ pub fn apply_all<T: Resolve>(
 /// The file with one value replaced.
 ///
 /// # Errors
-/// If the assignment is invalid.
+/// If the assignment is invalid; names of other libraries are explained.
 pub fn apply<T: Resolve>(
+    document: &Document<T>,
+    assignment: &str,
+) -> Result<Document<T>, InputError> {
+    apply_value(document, assignment).map_err(|error| {
+        let is_short = assignment.len() <= MAX_OVERRIDE_BYTES;
+        let parts = assignment.split_once('=').filter(|_| is_short);
+        let suggestion =
+            parts.and_then(|(path, value)| synonyms::suggest(document, path.trim(), value.trim()));
+        let help = suggestion.map(|suggestion| suggestion.help());
+        InputError {
+            help: help.or(error.help),
+            ..error
+        }
+    })
+}
+
+/// The file with one value replaced, without explanations of names of other libraries.
+pub(super) fn apply_value<T: Resolve>(
     document: &Document<T>,
     assignment: &str,
 ) -> Result<Document<T>, InputError> {
@@ -173,9 +230,9 @@ mod tests {
     /// A value of a wrong form is answered with the forms.
     #[test]
     fn errors_list_the_forms_of_a_field() {
-        let message = error_message("stop=100");
+        let message = error_message("schedule=100");
         assert!(
-            message.contains("\n  = help: expected one of `Episodes(…)`"),
+            message.contains("\n  = help: expected one of `Synchronous(episodes: …)`"),
             "{message}"
         );
         let message = error_message("agents.seeds=Normal(0.1)");

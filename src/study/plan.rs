@@ -12,6 +12,7 @@ use super::measure::Measure;
 use super::registration::{Lock, RegistrationError};
 use super::run_source::RunSource;
 use crate::input_files::{self, Directory};
+use crate::scenario::synonyms;
 use crate::text::file_stem;
 use seedbed_env::input::limits::{MAX_CELLS, MAX_RUNS};
 use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
@@ -89,7 +90,8 @@ impl StudyPlan {
     /// # Errors
     /// See [`load`](Self::load).
     pub fn load_before_results(path: &Path, quick: bool) -> Result<Self, InputError> {
-        let document: Document<Study> = input_files::read(path)?;
+        let document = input_files::read(path).map_err(synonyms::explain_in_study);
+        let document: Document<Study> = document?;
         let cells = cells(&document.value, path, quick).map_err(|problem| match problem {
             Problem::Study(error) => document.locate(error),
             Problem::Data(error) => error,

@@ -87,12 +87,19 @@ fn one() -> Count<100_000> {
 /// # Errors
 /// If the file or an override is invalid.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Document<TabularScenario>, InputError> {
-    overrides::apply_all(input_files::read(path)?, overrides)
+    overrides::apply_all(
+        overrides::parse(path, input_files::read_text(path)?)?,
+        overrides,
+    )
 }
 
 impl Resolve for TabularScenario {
     fn resolved(&self) -> String {
         to_ron_string("TabularScenario", self)
+    }
+
+    fn examples(_: &str) -> Vec<String> {
+        vec!["TabularScenario(task: BipolarChain())".to_owned()]
     }
 }
 

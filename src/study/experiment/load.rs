@@ -49,7 +49,7 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
     let text = input_files::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
     let kind = input::file_kind(&origin, &text);
     if matches!(kind, Ok(FileKind::TabularScenario)) {
-        let document: Result<Document<TabularScenario>, _> = input::parse(&origin, text);
+        let document: Result<Document<TabularScenario>, _> = overrides::parse(path, text);
         let document = with_overrides(document, overrides)?;
         return Ok(Arc::new(TabularPlan::new(path, document.value)));
     }

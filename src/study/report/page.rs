@@ -686,7 +686,6 @@ mod tests {
             name: name.to_owned(),
             digest: String::new(),
             sha256: None,
-            sha256: None,
             scenario: "it's a scenario.ron".to_owned(),
             overrides: vec!["agents.count=2".to_owned()],
             agents: 2,

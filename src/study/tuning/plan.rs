@@ -10,6 +10,7 @@ use super::file::{Method, Parameter, Tuning};
 use super::schedule::{MIN_CONFIGURATIONS, Rule, Schedule};
 use super::space::Value;
 use crate::input_files;
+use crate::scenario::synonyms;
 use crate::study::external::Problem;
 use crate::study::plan::{Cell, CellDraft, PlannedRun, StudyPlan, located_text, missing_measure};
 use crate::study::report::column;
@@ -108,7 +109,8 @@ impl TuningFile {
     /// # Errors
     /// The first error, located in the tuning file.
     pub fn load(path: &Path) -> Result<Self, InputError> {
-        let document: Document<Tuning> = input_files::read(path)?;
+        let document = input_files::read(path).map_err(synonyms::explain_in_study);
+        let document: Document<Tuning> = document?;
         let located = |error: ValidationError| document.locate(error);
         let tuning = &document.value;
         tuning.check().map_err(located)?;

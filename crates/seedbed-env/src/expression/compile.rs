@@ -491,6 +491,10 @@ fn other_language_hint(line: &str, column: usize) -> Option<&'static str> {
     match rest.split(|c: char| !c.is_alphanumeric()).next() {
         Some("and") => Some("write `&&` for \"and\""),
         Some("or") => Some("write `||` for \"or\""),
+        Some("if") if !before.trim().is_empty() => {
+            Some("write a choice as `if … { … } else { … }`")
+        }
+        _ if before.trim_end().ends_with("not") => Some("write `!` for \"not\""),
         _ if before.trim_end().ends_with('?') => Some("write a choice as `if … { … } else { … }`"),
         _ => None,
     }

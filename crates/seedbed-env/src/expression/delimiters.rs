@@ -71,10 +71,29 @@ fn is_bracket(found: char) -> bool {
 }
 
 fn forbidden_character(located: LocatedChar) -> ExpressionError {
-    error(
-        located,
-        format!("`{}` is not allowed in a formula", located.2.escape_debug()),
-    )
+    let message = format!("`{}` is not allowed in a formula", located.2.escape_debug());
+    ExpressionError {
+        help: written_otherwise(located.2).map(str::to_owned),
+        ..error(located, message)
+    }
+}
+
+/// How to write what a mathematical sign means.
+fn written_otherwise(sign: char) -> Option<&'static str> {
+    match sign {
+        '≤' => Some("write `<=`"),
+        '≥' => Some("write `>=`"),
+        '≠' => Some("write `!=`"),
+        '·' | '×' | '∗' => Some("write `*`"),
+        '÷' => Some("write `/`"),
+        '−' | '–' => Some("write `-`"),
+        '²' | '³' => Some("write a power as `pow(x, y)`"),
+        '∧' => Some("write `&&`"),
+        '∨' => Some("write `||`"),
+        '¬' => Some("write `!`"),
+        '√' => Some("write `sqrt(x)`"),
+        _ => None,
+    }
 }
 
 fn error((line, column, _): LocatedChar, message: String) -> ExpressionError {
@@ -118,6 +137,8 @@ mod tests {
             );
             assert!(error.message.contains(part), "{text}: {}", error.message);
         }
+        let error = tokenization_error("x ≤ 1").expect("the formula is invalid");
+        assert_eq!(error.help.as_deref(), Some("write `<=`"));
         assert_eq!(tokenization_error("if x { (1) } else { y[0] }"), None);
     }
 }

@@ -37,6 +37,16 @@ pub struct UnknownField {
     pub known_fields: Vec<String>,
 }
 
+/// What the value of the field at `path` begins with in a text that [`to_ron_string`] has printed, such
+/// as `SeedPg(` or `16,`; none if there is no such field.
+#[must_use]
+pub fn opening(text: &str, path: &str) -> Option<String> {
+    let lines: Vec<&str> = text.lines().collect();
+    let block = find_path(&lines, path).ok()?;
+    let (_, value) = lines[block.start].split_once(':')?;
+    Some(value.trim().to_owned())
+}
+
 /// Replaces the value of the field at `path`, e.g. `agents.count`, in a text that [`to_ron_string`]
 /// has printed. Names of enum variants may be part of the path or left out.
 ///
@@ -44,11 +54,7 @@ pub struct UnknownField {
 /// If there is no such field.
 pub fn replace_value(text: &str, path: &str, value: &str) -> Result<String, UnknownField> {
     let lines: Vec<&str> = text.lines().collect();
-    let mut block = 0..lines.len();
-    for (depth, name) in field_path(path, &lines).into_iter().enumerate() {
-        let indent = " ".repeat(INDENT * (depth + 1));
-        block = find_field(&lines, block, &indent, name)?;
-    }
+    let block = find_path(&lines, path)?;
     let first = lines[block.start];
     let key = first.split_once(':').map_or(first, |(key, _)| key);
     let replaced = format!("{key}: {value},");
@@ -56,6 +62,16 @@ pub fn replace_value(text: &str, path: &str, value: &str) -> Result<String, Unkn
     edited.push(&replaced);
     edited.extend(&lines[block.end..]);
     Ok(edited.join("\n"))
+}
+
+/// The lines of the field at `path`.
+fn find_path(lines: &[&str], path: &str) -> Result<Range<usize>, UnknownField> {
+    let mut block = 0..lines.len();
+    for (depth, name) in field_path(path, lines).into_iter().enumerate() {
+        let indent = " ".repeat(INDENT * (depth + 1));
+        block = find_field(lines, block, &indent, name)?;
+    }
+    Ok(block)
 }
 
 /// The names of a path without those of enum variants, which have no line of their own.

@@ -50,6 +50,15 @@ pub(crate) fn error_at(
     }
 }
 
+impl InputError {
+    /// The name that is no field, if this is what is wrong.
+    #[must_use]
+    pub fn unexpected_field(&self) -> Option<&str> {
+        let rest = self.message.strip_prefix("unexpected field `")?;
+        rest.split('`').next()
+    }
+}
+
 impl fmt::Display for InputError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{}", self.origin)?;

@@ -46,6 +46,7 @@ pub(super) fn explain(error: &ron::Error, at: &Position) -> (String, Option<Stri
 
 fn unexpected_name(what: &str, found: &str, expected: &[&str]) -> (String, Option<String>) {
     let names = quoted_list(expected.iter().copied());
+    // `InputError::unexpected_field` reads the name of a field in this message.
     let message = format!("unexpected {what} `{found}`, expected one of {names}");
     (message, suggestion(found, expected.iter().copied()))
 }

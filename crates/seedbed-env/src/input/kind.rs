@@ -72,12 +72,29 @@ pub fn file_kind(origin: &str, text: &str) -> Result<FileKind, InputError> {
         "expected a file that begins with {}, but {found}",
         one_of(&kinds)
     );
-    let help = suggestion(word, FileKind::ALL.map(FileKind::name));
+    let help = begins_with
+        .and_then(foreign_beginning)
+        .or_else(|| suggestion(word, FileKind::ALL.map(FileKind::name)));
     let mut error = error_at(origin, text, offset, "", message, help);
     if begins_with.is_none() {
         error.position = None;
     }
     Err(error)
+}
+
+/// What to write in place of the beginning of a file in another language.
+fn foreign_beginning(opening: &str) -> Option<String> {
+    let help = match opening.chars().next()? {
+        '#' => "`#` does not begin a comment: write `// …`",
+        '{' | '(' | '[' => "a file begins with the word for its kind: `Scenario(environment: …)`",
+        '"' | '\'' => "names of fields have no quotes: `Scenario(environment: …)`",
+        _ if opening.ends_with(':') => {
+            "fields are in parentheses after the word for the kind of file: \
+             `Scenario(environment: …)`"
+        }
+        _ => return None,
+    };
+    Some(help.to_owned())
 }
 
 /// The names as a list in words, `a, b or c`, without adding quotes.

@@ -20,6 +20,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::error::{InputError, position};
 use super::explanation::explain;
+use super::foreign;
 use super::limits::MAX_NESTING;
 use super::names::{quoted_list, suggestion};
 
@@ -277,11 +278,12 @@ fn located_error(
 ) -> InputError {
     let position = position(text, spanned.span.start.line, spanned.span.start.col);
     let (message, help) = explain(&spanned.code, &position);
+    let foreign = foreign::correct(text, &position, &spanned.code);
     InputError {
         origin: origin.to_owned(),
-        position: Some(position),
+        position: Some(foreign.position.unwrap_or(position)),
         field,
-        message,
-        help,
+        message: foreign.message.unwrap_or(message),
+        help: help.or(foreign.help),
     }
 }

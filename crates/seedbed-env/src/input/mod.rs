@@ -10,6 +10,7 @@ pub mod edit;
 mod error;
 mod explanation;
 mod files;
+mod foreign;
 mod kind;
 pub mod limits;
 mod located;

@@ -1,0 +1,462 @@
+//! Syntax of other languages in RON files: what to write instead.
+//!
+//! The parser says what it expected. This module looks at the tokens around the place where it
+//! stopped, and recognizes what people write who are used to Python, JSON, YAML or Rust.
+
+use super::error::{Position, position};
+
+/// What replaces parts of an error of the parser.
+#[derive(Default)]
+pub(super) struct Correction {
+    pub(super) position: Option<Position>,
+    pub(super) message: Option<String>,
+    pub(super) help: Option<String>,
+}
+
+/// A token of a RON file: a text in quotes, a word or number, or a single character.
+#[derive(Clone, Copy)]
+struct Token<'a> {
+    start: usize,
+    text: &'a str,
+}
+
+/// Quotes that word processors write, and single quotes.
+const OTHER_QUOTES: [char; 9] = ['\'', '`', '“', '”', '„', '‘', '’', '«', '»'];
+
+/// Explains foreign syntax where the parser has stopped, if there is any.
+pub(super) fn correct(text: &str, at: &Position, error: &ron::Error) -> Correction {
+    if is_about_a_value(error) {
+        return Correction::default();
+    }
+    let stopped = offset(text, at);
+    let tokens = tokens(text);
+    let index = tokens.partition_point(|token| token.end() <= stopped);
+    let reach = tokens.len().min(index + 1);
+    let never_valid = (0..reach).find_map(|found| {
+        let (message, help) = never_valid(text, &tokens, found)?;
+        Some(Correction {
+            position: Some(place(text, tokens[found].start)),
+            message: Some(message),
+            help: Some(help),
+        })
+    });
+    let place = Place {
+        text,
+        tokens: &tokens,
+        index,
+        stopped,
+    };
+    never_valid.unwrap_or_else(|| place.correct(error))
+}
+
+/// Whether the syntax is right, and a name or a value is wrong.
+fn is_about_a_value(error: &ron::Error) -> bool {
+    use ron::Error::{
+        DuplicateStructField, InvalidValueForType, Message, MissingStructField, NoSuchEnumVariant,
+        NoSuchStructField,
+    };
+    matches!(
+        error,
+        Message(_)
+            | InvalidValueForType { .. }
+            | NoSuchStructField { .. }
+            | NoSuchEnumVariant { .. }
+            | MissingStructField { .. }
+            | DuplicateStructField { .. }
+    )
+}
+
+impl<'a> Token<'a> {
+    fn end(&self) -> usize {
+        self.start + self.text.len()
+    }
+
+    /// Content of a text in quotes.
+    fn quoted(&self) -> Option<&'a str> {
+        self.text.strip_prefix('"')?.strip_suffix('"')
+    }
+
+    fn is_number(&self) -> bool {
+        let digits = self.text.trim_start_matches(['-', '+', '.']);
+        digits.starts_with(|c: char| c.is_ascii_digit())
+    }
+
+    fn is_word(&self) -> bool {
+        self.text
+            .starts_with(|c: char| c.is_alphabetic() || c == '_')
+    }
+}
+
+/// The message and the help for a token that is in no RON file of this program.
+fn never_valid(text: &str, tokens: &[Token<'_>], index: usize) -> Option<(String, String)> {
+    let token = tokens[index];
+    let next = tokens.get(index + 1);
+    match token.text.chars().next()? {
+        '#' if next.is_none_or(|next| next.text != "!") => Some((
+            "`#` does not begin a comment".to_owned(),
+            "write `// …`".to_owned(),
+        )),
+        quote if OTHER_QUOTES.contains(&quote) => {
+            let line = text[token.end()..].lines().next().unwrap_or_default();
+            let content = line.split(OTHER_QUOTES).next().unwrap_or_default();
+            let is_closed = content.len() < line.len();
+            let content = if is_closed { content } else { "…" };
+            Some((
+                format!("expected text in double quotes, found `{quote}`"),
+                format!("write `\"{content}\"`"),
+            ))
+        }
+        ';' => {
+            let help = match next {
+                Some(_) => "write `,`",
+                None => "remove it: nothing follows the last parenthesis",
+            };
+            Some(("`;` ends nothing".to_owned(), help.to_owned()))
+        }
+        '=' if index > 0 => Some((
+            "expected `:` between the name of a field and its value, found `=`".to_owned(),
+            format!("write `{}: …`", name(tokens[index - 1])),
+        )),
+        _ => None,
+    }
+}
+
+/// The name of a field, which may be in quotes.
+fn name(token: Token<'_>) -> &str {
+    token.quoted().unwrap_or(token.text)
+}
+
+/// The token where the parser has stopped.
+struct Place<'a> {
+    text: &'a str,
+    tokens: &'a [Token<'a>],
+    index: usize,
+    /// The byte where the parser has stopped.
+    stopped: usize,
+}
+
+impl<'a> Place<'a> {
+    fn correct(&self, error: &ron::Error) -> Correction {
+        let Some(token) = self.token(0) else {
+            return help(self.unclosed_bracket());
+        };
+        match error {
+            ron::Error::ExpectedBoolean => boolean(token),
+            ron::Error::ExpectedInteger | ron::Error::InvalidIntegerDigit { .. }
+                if token.is_number() =>
+            {
+                whole_number(token)
+            }
+            // The parser has read the whole number before a decimal point.
+            ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd
+                if token.is_number() && self.stopped > token.start =>
+            {
+                whole_number(token)
+            }
+            ron::Error::ExpectedInteger | ron::Error::ExpectedFloat => help(number(token)),
+            ron::Error::ExpectedArray => help(self.list(token)),
+            ron::Error::ExpectedStringEnd => Correction {
+                message: Some("this text has no closing quote `\"`".to_owned()),
+                ..Correction::default()
+            },
+            _ => help(self.other(token, error)),
+        }
+    }
+
+    /// Token number `offset` from the place.
+    fn token(&self, offset: isize) -> Option<Token<'a>> {
+        let index = self.index.checked_add_signed(offset)?;
+        self.tokens.get(index).copied()
+    }
+
+    /// Whether a comma was written for a decimal point, as in `0,99`.
+    fn is_decimal_comma(&self, token: Token<'_>) -> bool {
+        let before = self.token(-1).zip(self.token(-2));
+        before.is_some_and(|(comma, whole)| {
+            comma.text == ","
+                && whole.is_number()
+                && whole.end() == comma.start
+                && comma.end() == token.start
+                && token.is_number()
+        })
+    }
+
+    fn list(&self, token: Token<'_>) -> Option<String> {
+        if token.text == "(" || token.text == "{" {
+            let line = self.text[token.end()..].lines().next().unwrap_or_default();
+            let inner = line.split([')', '}']).next().filter(|inner| *inner != line);
+            return Some(format!(
+                "write a list in brackets: `[{}]`",
+                inner.unwrap_or("…")
+            ));
+        }
+        let is_value = token.is_number() || token.quoted().is_some();
+        is_value.then(|| format!("write a list in brackets: `[{}]`", token.text))
+    }
+
+    fn other(&self, token: Token<'a>, error: &ron::Error) -> Option<String> {
+        let next = self.token(1);
+        let is_key = next.is_some_and(|next| next.text == ":");
+        let before = self.token(-1);
+        if self.is_decimal_comma(token) {
+            let whole = self.token(-2)?;
+            return Some(format!(
+                "write `{}.{}`, with a decimal point",
+                whole.text, token.text
+            ));
+        }
+        match token.text {
+            "{" => return self.braces(next),
+            ")" | "]" | "}" => return self.unmatched_bracket(token),
+            "+" | "*" | "/" | "^" | "%" => return Some(NO_ARITHMETIC.to_owned()),
+            _ => {}
+        }
+        if before.is_some_and(|before| "+*/^%".contains(before.text)) {
+            return Some(NO_ARITHMETIC.to_owned());
+        }
+        if let Some(name) = token.quoted().filter(|_| is_key) {
+            return Some(format!(
+                "write the name of a field without quotes: `{name}: …`"
+            ));
+        }
+        match error {
+            ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd => {
+                missing_comma(self.text, before?, token)
+            }
+            _ => number(token),
+        }
+    }
+
+    /// Fields in braces.
+    fn braces(&self, first: Option<Token<'_>>) -> Option<String> {
+        let name = first.map(name).filter(|name| *name != "}")?;
+        Some(format!(
+            "write fields in parentheses: `({}: …)`",
+            shown(name)
+        ))
+    }
+
+    /// The brackets that are open before the place.
+    fn open_brackets(&self) -> Vec<Token<'a>> {
+        let mut open = Vec::new();
+        for token in &self.tokens[..self.index] {
+            match token.text {
+                "(" | "[" | "{" => open.push(*token),
+                ")" | "]" | "}" => {
+                    open.pop();
+                }
+                _ => {}
+            }
+        }
+        open
+    }
+
+    fn unclosed_bracket(&self) -> Option<String> {
+        let open = self.open_brackets().pop()?;
+        let line = place(self.text, open.start).line;
+        Some(format!("the `{}` in line {line} is not closed", open.text))
+    }
+
+    fn unmatched_bracket(&self, found: Token<'_>) -> Option<String> {
+        let open = self.open_brackets().pop()?;
+        let expected = match open.text {
+            "(" => ")",
+            "[" => "]",
+            _ => "}",
+        };
+        let line = place(self.text, open.start).line;
+        (found.text != expected).then(|| {
+            format!(
+                "write `{expected}`, which closes the `{}` in line {line}",
+                open.text
+            )
+        })
+    }
+}
+
+const NO_ARITHMETIC: &str = "nothing is computed here: write the result";
+
+fn help(help: Option<String>) -> Correction {
+    Correction {
+        help,
+        ..Correction::default()
+    }
+}
+
+/// Something that is not written as `true` or `false`.
+fn boolean(token: Token<'_>) -> Correction {
+    let meant = match token.text.trim_matches('"').to_lowercase().as_str() {
+        "true" | "yes" | "on" | "1" => Some("true"),
+        "false" | "no" | "off" | "0" => Some("false"),
+        _ => None,
+    };
+    Correction {
+        message: Some(format!(
+            "expected `true` or `false`, found `{}`",
+            shown(token.text)
+        )),
+        help: meant.map(|meant| format!("write `{meant}`")),
+        position: None,
+    }
+}
+
+/// A number that is not written as a whole number.
+fn whole_number(token: Token<'_>) -> Correction {
+    let number: Option<f64> = token.text.replace('_', "").parse().ok();
+    let whole = number.filter(|number| number.fract() == 0.0 && number.abs() < 1e15);
+    Correction {
+        message: Some(format!(
+            "expected a whole number, found `{}`",
+            shown(token.text)
+        )),
+        help: whole.map(|whole| format!("write `{whole:.0}`")),
+        position: None,
+    }
+}
+
+/// Something that is no number where one is expected, or no value.
+fn number(token: Token<'_>) -> Option<String> {
+    if let Some(number) = token.quoted().filter(|text| text.parse::<f64>().is_ok()) {
+        return Some(format!("write `{number}` without quotes"));
+    }
+    let is_nothing = ["null", "nil", "none"].contains(&token.text.to_lowercase().as_str());
+    let is_written_otherwise = is_nothing && token.text != "None";
+    is_written_otherwise.then(|| "write `None`".to_owned())
+}
+
+/// The place where a comma is missing, if a field or value follows.
+fn missing_comma(text: &str, before: Token<'_>, found: Token<'_>) -> Option<String> {
+    let follows = found.is_word() || found.is_number() || found.text.starts_with(['(', '[', '"']);
+    let place = place(text, before.start);
+    follows.then(|| {
+        format!(
+            "write a comma after `{}` in line {}",
+            shown(before.text),
+            place.line
+        )
+    })
+}
+
+/// The beginning of a text that may be long.
+fn shown(text: &str) -> String {
+    const CHARACTERS: usize = 30;
+    let end = text.char_indices().nth(CHARACTERS).map(|(end, _)| end);
+    end.map_or_else(|| text.to_owned(), |end| format!("{}…", &text[..end]))
+}
+
+/// The place of the character at a byte.
+fn place(text: &str, offset: usize) -> Position {
+    let before = &text[..offset];
+    let line = before.matches('\n').count() + 1;
+    let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
+    position(text, line, column)
+}
+
+/// The byte of a place.
+fn offset(text: &str, at: &Position) -> usize {
+    let lines = text.split_inclusive('\n').take(at.line.saturating_sub(1));
+    let start: usize = lines.map(str::len).sum();
+    let line = &text[start.min(text.len())..];
+    let column = line.char_indices().nth(at.column.saturating_sub(1));
+    start + column.map_or(line.len(), |(column, _)| column)
+}
+
+/// The tokens of a text, without spaces and comments.
+fn tokens(text: &str) -> Vec<Token<'_>> {
+    let mut tokens = Vec::new();
+    let mut start = 0;
+    while let Some(first) = text[start..].chars().next() {
+        let rest = &text[start..];
+        if first.is_whitespace() {
+            start += first.len_utf8();
+        } else if rest.starts_with("//") {
+            start += rest.find('\n').unwrap_or(rest.len());
+        } else if rest.starts_with("/*") {
+            start += block_comment_length(rest);
+        } else {
+            let length = token_length(rest, first);
+            tokens.push(Token {
+                start,
+                text: &rest[..length],
+            });
+            start += length;
+        }
+    }
+    tokens
+}
+
+/// Length of a comment in `/*` and `*/`, which may contain others.
+fn block_comment_length(text: &str) -> usize {
+    let (mut depth, mut length) = (0, 0);
+    while length < text.len() {
+        let rest = &text[length..];
+        if rest.starts_with("/*") {
+            (depth, length) = (depth + 1, length + 2);
+        } else if rest.starts_with("*/") {
+            (depth, length) = (depth - 1, length + 2);
+            if depth == 0 {
+                break;
+            }
+        } else {
+            length += rest.chars().next().map_or(1, char::len_utf8);
+        }
+    }
+    length
+}
+
+fn token_length(text: &str, first: char) -> usize {
+    if first == '"' {
+        return string_length(text);
+    }
+    if let Some(length) = raw_string_length(text) {
+        return length;
+    }
+    let is_number = text
+        .trim_start_matches(['-', '+'])
+        .trim_start_matches('.')
+        .starts_with(|c: char| c.is_ascii_digit());
+    let mut previous = first;
+    let mut is_part = |c: char| {
+        let is_exponent_sign = is_number && matches!(previous, 'e' | 'E') && matches!(c, '-' | '+');
+        let is_in_number = is_number && c == '.';
+        previous = c;
+        c.is_alphanumeric() || c == '_' || is_in_number || is_exponent_sign
+    };
+    if let Some(name) = text.strip_prefix("r#") {
+        let is_part = |c: char| c.is_alphanumeric() || c == '_';
+        return 2 + name.find(|c| !is_part(c)).unwrap_or(name.len());
+    }
+    if !first.is_alphanumeric() && first != '_' && !is_number {
+        return first.len_utf8();
+    }
+    let rest = &text[first.len_utf8()..];
+    first.len_utf8() + rest.find(|c: char| !is_part(c)).unwrap_or(rest.len())
+}
+
+/// Length of a text in quotes, to the end of the file if there is no closing quote.
+fn string_length(text: &str) -> usize {
+    let mut is_escaped = false;
+    for (index, character) in text.char_indices().skip(1) {
+        match character {
+            _ if is_escaped => is_escaped = false,
+            '\\' => is_escaped = true,
+            '"' => return index + 1,
+            _ => {}
+        }
+    }
+    text.len()
+}
+
+/// Length of a text such as `r"…"` or `r#"…"#`.
+fn raw_string_length(text: &str) -> Option<usize> {
+    let rest = text.strip_prefix('r')?;
+    let hashes = rest.len() - rest.trim_start_matches('#').len();
+    let content = rest[hashes..].strip_prefix('"')?;
+    let end = format!("\"{}", "#".repeat(hashes));
+    let begin = text.len() - content.len();
+    Some(
+        content
+            .find(&end)
+            .map_or(text.len(), |found| begin + found + end.len()),
+    )
+}

@@ -1,0 +1,118 @@
+//! Arguments of the command line that do not exist: what is meant.
+
+use std::path::Path;
+
+use clap::Parser;
+use clap::builder::StyledStr;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+
+use super::Cli;
+use seedbed::input_files::{self, Directory};
+use seedbed::scenario::Scenario;
+use seedbed::scenario::overrides::{self, Resolve};
+use seedbed::scenario::synonyms::{self, Suggestion};
+use seedbed::tabular::TabularScenario;
+use seedbed_env::input::{Document, FileKind, file_kind};
+
+/// The arguments of this process. Ends it if they are invalid.
+pub(super) fn parse() -> Cli {
+    Cli::try_parse().unwrap_or_else(|mut error| {
+        let arguments = std::env::args_os().skip(1);
+        let arguments = arguments.map(|argument| argument.to_string_lossy().into_owned());
+        if let Some(tip) = tip(&error, &arguments.collect::<Vec<_>>()) {
+            error.remove(ContextKind::SuggestedArg);
+            let tip = ContextValue::StyledStrs(vec![StyledStr::from(tip)]);
+            error.insert(ContextKind::Suggested, tip);
+        }
+        error.exit()
+    })
+}
+
+/// What to write in place of an invalid argument, if it is the name of a field.
+fn tip(error: &clap::Error, arguments: &[String]) -> Option<String> {
+    let invalid = match error.get(ContextKind::InvalidArg)? {
+        ContextValue::String(invalid) => invalid.as_str(),
+        _ => return None,
+    };
+    let command = arguments
+        .iter()
+        .find(|argument| !argument.starts_with('-'))?;
+    match error.kind() {
+        ErrorKind::ArgumentConflict if invalid.starts_with("--seed ") => {
+            Some("`seedbed bench SCENARIO --seeds 10` and studies run several run seeds".to_owned())
+        }
+        ErrorKind::UnknownArgument if command == "run" || command == "bench" => {
+            tip_of_a_run(invalid, arguments)
+        }
+        ErrorKind::UnknownArgument if command == "study" || command == "tune" => {
+            tip_of_a_study(invalid, arguments)
+        }
+        _ => None,
+    }
+}
+
+/// `--set …` for an option, or for an assignment without `--set`.
+fn tip_of_a_run(invalid: &str, arguments: &[String]) -> Option<String> {
+    let Some(name) = invalid.strip_prefix("--") else {
+        let (path, value) = invalid.split_once('=')?;
+        return match meant(path, value, arguments) {
+            Some(suggestion) => Some(suggestion.help_with_options()),
+            None => Some(format!("write `--set {invalid}`")),
+        };
+    };
+    let (name, value) = name.split_once('=').unwrap_or_else(|| {
+        let position = arguments.iter().position(|argument| argument == invalid);
+        let value = position.and_then(|position| arguments.get(position + 1));
+        let value = value.filter(|value| !value.starts_with("--"));
+        (name, value.map_or("", String::as_str))
+    });
+    meant(name, value, arguments).map(|suggestion| suggestion.help_with_options())
+}
+
+/// Scenarios of studies are changed in the study file.
+fn tip_of_a_study(invalid: &str, arguments: &[String]) -> Option<String> {
+    let name = invalid.strip_prefix("--")?;
+    let (name, value) = name.split_once('=').unwrap_or((name, ""));
+    let suggestion = meant(name, value, arguments)?;
+    let is_field = !suggestion.assignments.is_empty();
+    is_field.then(|| format!("in the study file, {}", suggestion.help_in_study()))
+}
+
+/// What an option or assignment means for the scenario among the arguments, or else for a scenario with
+/// all defaults.
+fn meant(name: &str, value: &str, arguments: &[String]) -> Option<Suggestion> {
+    let name = name.trim_start_matches('-');
+    for argument in arguments.iter().skip(1) {
+        let Some((kind, path, text)) = scenario(argument) else {
+            continue;
+        };
+        return match kind {
+            FileKind::TabularScenario => {
+                suggest::<TabularScenario>(overrides::parse(&path, text).ok(), name, value)
+            }
+            _ => suggest::<Scenario>(overrides::parse(&path, text).ok(), name, value),
+        };
+    }
+    suggest::<Scenario>(None, name, value)
+}
+
+/// The kind, the path and the text of the scenario that an argument names.
+fn scenario(argument: &str) -> Option<(FileKind, std::path::PathBuf, String)> {
+    let path = Path::new(argument);
+    if argument.starts_with('-') || input_files::is_stream(path) {
+        return None;
+    }
+    let path = input_files::find_argument(path, &[Directory::Scenarios]).ok()?;
+    let text = input_files::read_text(&path).ok()?;
+    let kind = file_kind(argument, &text).ok()?;
+    let is_scenario = matches!(kind, FileKind::Scenario | FileKind::TabularScenario);
+    is_scenario.then_some((kind, path, text))
+}
+
+fn suggest<T: Resolve>(
+    document: Option<Document<T>>,
+    name: &str,
+    value: &str,
+) -> Option<Suggestion> {
+    synonyms::suggest(&document.or_else(|| T::like(""))?, name, value)
+}

@@ -1,0 +1,269 @@
+use super::*;
+use crate::scenario::overrides::apply;
+
+const ALGORITHM_NAMES: [&str; 9] = [
+    "SeedPg",
+    "LeaderFollowers",
+    "QLearning",
+    "SeedTd",
+    "BootstrappedDqn",
+    "HyperAgent",
+    "SeedPsrl",
+    "CrossEntropy",
+    "Random",
+];
+
+fn scenario(algorithm: &str) -> Document<Scenario> {
+    Scenario::like(&format!("algorithm: {algorithm}")).unwrap()
+}
+
+fn assignments(algorithm: &str, path: &str, value: &str) -> Vec<String> {
+    let suggestion = suggest(&scenario(algorithm), path, value);
+    suggestion.map_or_else(Vec::new, |suggestion| suggestion.assignments)
+}
+
+/// Each name is written as Stable-Baselines3, CleanRL or RLlib have it, and answered for each
+/// algorithm that has such a parameter.
+#[test]
+fn names_are_those_of_the_algorithm() {
+    for (algorithm, path, value, expected) in [
+        (
+            "SeedPg",
+            "lr",
+            "0.1",
+            &[
+                "algorithm.policy_optimiser.step_size=0.1",
+                "algorithm.value_optimiser.step_size=0.1",
+            ][..],
+        ),
+        (
+            "QLearning",
+            "algorithm.learning_rate",
+            "3e-4",
+            &["algorithm.learning.optimiser.step_size=3e-4"],
+        ),
+        (
+            "SeedPsrl",
+            "lr",
+            "-1",
+            &["algorithm.network.optimiser.step_size=0.001"],
+        ),
+        ("CrossEntropy", "lr", "0.1", &[]),
+        ("SeedPg", "gamma", "0.9", &["algorithm.discount=0.9"]),
+        (
+            "SeedTd",
+            "algorithm.gamma",
+            "0.9",
+            &["algorithm.learning.discount=0.9"],
+        ),
+        ("SeedPg", "agents", "16", &["agents.count=16"]),
+        ("SeedPg", "n_envs", "8", &["agents.count=8"]),
+        ("SeedPg", "num_envs", "", &["agents.count=16"]),
+        (
+            "SeedPg",
+            "net_arch",
+            "[64, 64]",
+            &["algorithm.hidden=[64, 64]"],
+        ),
+        (
+            "QLearning",
+            "net_arch",
+            "dict(pi=[64])",
+            &["algorithm.learning.hidden=[64, 64]"],
+        ),
+        (
+            "SeedPg",
+            "batch_size",
+            "32",
+            &["algorithm.minibatch=Steps(32)"],
+        ),
+        (
+            "QLearning",
+            "batch_size",
+            "32",
+            &["algorithm.learning.minibatch=32"],
+        ),
+        (
+            "SeedPg",
+            "algorithm.minibatch",
+            "32",
+            &["algorithm.minibatch=Steps(32)"],
+        ),
+        (
+            "SeedPg",
+            "ent_coef",
+            "0.01",
+            &["algorithm.entropy_bonus=0.01"],
+        ),
+        ("QLearning", "ent_coef", "0.01", &[]),
+        (
+            "SeedPg",
+            "clip_range",
+            "0.1",
+            &["algorithm.policy_loss.clip=0.1"],
+        ),
+        (
+            "LeaderFollowers",
+            "clip_coef",
+            "0.1",
+            &["algorithm.clip=0.1"],
+        ),
+        (
+            "SeedPg",
+            "n_steps",
+            "2048",
+            &["schedule=Synchronous(episodes: 4)"],
+        ),
+        (
+            "SeedPg",
+            "total_timesteps",
+            "50000",
+            &["stop=Steps(team: 50000, at_most: 100000)"],
+        ),
+        ("SeedPg", "stop", "100", &["stop=Episodes(100)"]),
+        ("SeedPg", "env", "CartPole-v1", &["environment=cartpole"]),
+        ("SeedPg", "env_id", "Humanoid-v5", &["environment=cartpole"]),
+        ("SeedPg", "device", "cuda", &[]),
+        (
+            "SeedPg",
+            "algorithm",
+            "PPO",
+            &["algorithm=SeedPg(policy_data: Own, epochs: 4)"],
+        ),
+        (
+            "SeedPg",
+            "algo",
+            "ppo",
+            &["algorithm=SeedPg(policy_data: Own, epochs: 4)"],
+        ),
+        (
+            "SeedPg",
+            "algorithm",
+            "\"A2C\"",
+            &["algorithm=SeedPg(policy_data: Own, policy_loss: SimplePg)"],
+        ),
+        (
+            "SeedPg",
+            "algorithm",
+            "DQN(lr: 0.1)",
+            &["algorithm=QLearning()"],
+        ),
+        // Fields with the name that another one has elsewhere are not explained.
+        ("SeedPg", "schedule.episodes", "0", &[]),
+        ("SeedPg", "agents.seeds", "3", &[]),
+        ("SeedPg", "algorithm.policy_optimiser.epsilon", "-1", &[]),
+        ("SeedPg", "algorithm.time_limit", "500", &[]),
+        ("SeedPg", "algorithm", "Foo", &[]),
+    ] {
+        assert_eq!(
+            assignments(algorithm, path, value),
+            expected,
+            "{algorithm} {path}={value}"
+        );
+    }
+}
+
+/// Whatever is suggested for any name and any algorithm can be applied, in `--set` and in a file.
+#[test]
+fn suggestions_can_be_pasted() {
+    let names = FIELDS.iter().map(|synonym| (synonym, false));
+    let names = names.chain(ALGORITHMS.iter().map(|synonym| (synonym, true)));
+    for (synonym, is_algorithm) in names {
+        let name = &synonym.names[0];
+        for algorithm in ALGORITHM_NAMES {
+            let mut document = scenario(algorithm);
+            let (path, value) = if is_algorithm {
+                ("algorithm", *name)
+            } else {
+                (*name, "")
+            };
+            let Some(suggestion) = suggest(&document, path, value) else {
+                continue;
+            };
+            let fields =
+                ron_fields::nested(&suggestion.assignments, |path| opening_of(&document, path));
+            for assignment in &suggestion.assignments {
+                document =
+                    apply(&document, assignment).unwrap_or_else(|error| panic!("{name}: {error}"));
+            }
+            document
+                .value
+                .check()
+                .unwrap_or_else(|error| panic!("{name}: {error:?}"));
+            if fields.is_empty() || fields.starts_with("environment") {
+                continue;
+            }
+            let text = format!("Scenario(environment: \"cartpole\", {fields})");
+            let pasted = input::parse::<Scenario>("pasted", text);
+            pasted.unwrap_or_else(|error| panic!("{name}: {error}"));
+        }
+    }
+}
+
+/// A name that no scenario accepts has nothing but a meaning.
+#[test]
+fn every_name_is_unique_and_simplified() {
+    for synonyms in [FIELDS, ALGORITHMS] {
+        let names: Vec<&str> = synonyms
+            .iter()
+            .flat_map(|synonym| synonym.names)
+            .copied()
+            .collect();
+        for (index, name) in names.iter().enumerate() {
+            assert_eq!(simplified(name), *name);
+            assert!(!names[..index].contains(name), "{name} is there twice");
+        }
+    }
+}
+
+/// The error of a scenario file.
+fn help_in_file(text: &str) -> String {
+    let parsed = crate::scenario::overrides::parse::<Scenario>("x.ron".as_ref(), text.to_owned());
+    parsed.unwrap_err().help.unwrap_or_default()
+}
+
+#[test]
+fn files_are_answered_with_fields() {
+    let with = |field: &str| help_in_file(&format!("Scenario(environment: \"cartpole\", {field})"));
+    for (field, expected) in [
+        ("agents: 16", "write `agents: (count: 16)`"),
+        ("n_envs: 8", "write `agents: (count: 8)`"),
+        (
+            "algorithm: SeedPg(gamma: 0.9)",
+            "write `algorithm: SeedPg(discount: 0.9)`",
+        ),
+        (
+            "algorithm: QLearning(lr: 0.1)",
+            "write `algorithm: QLearning(learning: (optimiser: (step_size: 0.1)))`",
+        ),
+        (
+            "lr: 0.1, algorithm: HyperAgent()",
+            "write `algorithm: HyperAgent(learning: (optimiser: (step_size: 0.1)))`",
+        ),
+        (
+            "clip_range: 0.1",
+            "write `algorithm: SeedPg(policy_loss: Ppo(clip: 0.1))`",
+        ),
+        (
+            "algorithm: PPO()",
+            "write `algorithm: SeedPg(policy_data: Own, epochs: 4)`",
+        ),
+        ("algorithm: DQN", "write `algorithm: QLearning()`"),
+        (
+            "algorithm: \"A2C\"",
+            "write `algorithm: SeedPg(policy_data: Own, policy_loss: SimplePg)`",
+        ),
+        (
+            "total_timesteps: 1e5",
+            "write `stop: Steps(team: 100000, at_most: 100000)`",
+        ),
+        ("env: \"Acrobot-v1\"", "write `environment: \"acrobot\"`"),
+        (
+            "device: \"cuda\"",
+            "`--threads N` sets the number of threads",
+        ),
+    ] {
+        let help = with(field);
+        assert!(help.ends_with(expected), "{field}: {help}");
+    }
+}
