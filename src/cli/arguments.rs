@@ -60,19 +60,28 @@ fn tip_of_a_run(invalid: &str, arguments: &[String]) -> Option<String> {
             None => Some(format!("write `--set {invalid}`")),
         };
     };
-    let (name, value) = name.split_once('=').unwrap_or_else(|| {
-        let position = arguments.iter().position(|argument| argument == invalid);
-        let value = position.and_then(|position| arguments.get(position + 1));
-        let value = value.filter(|value| !value.starts_with("--"));
-        (name, value.map_or("", String::as_str))
-    });
+    let value = value_of(invalid, arguments);
     meant(name, value, arguments).map(|suggestion| suggestion.help_with_options())
+}
+
+/// The value of an option: after `=`, or the next argument.
+fn value_of<'a>(option: &str, arguments: &'a [String]) -> &'a str {
+    let mut found = arguments.iter().enumerate();
+    let value = found.find_map(|(index, argument)| {
+        let rest = argument.strip_prefix(option)?;
+        if rest.is_empty() {
+            let next = arguments.get(index + 1).map_or("", String::as_str);
+            return Some(if next.starts_with("--") { "" } else { next });
+        }
+        rest.strip_prefix('=')
+    });
+    value.unwrap_or("")
 }
 
 /// Scenarios of studies are changed in the study file.
 fn tip_of_a_study(invalid: &str, arguments: &[String]) -> Option<String> {
     let name = invalid.strip_prefix("--")?;
-    let (name, value) = name.split_once('=').unwrap_or((name, ""));
+    let value = value_of(invalid, arguments);
     let suggestion = meant(name, value, arguments)?;
     let is_field = !suggestion.assignments.is_empty();
     is_field.then(|| format!("in the study file, {}", suggestion.help_in_study()))

@@ -120,13 +120,28 @@ pub fn explain<T: Resolve>(text: &str, error: InputError) -> InputError {
     let Some(mistake) = Mistake::of(&error) else {
         return error;
     };
-    let document = T::like(text);
-    let suggestion = document.and_then(|document| {
+    let is_name = error.unexpected_field().is_some();
+    let is_of_another_kind = VALUES_OF_ANOTHER_KIND
+        .iter()
+        .any(|message| error.message.starts_with(message));
+    if !is_name && (error.help.is_some() || !is_of_another_kind) {
+        return error;
+    }
+    let suggestion = T::like(text).and_then(|document| {
         let suggestion = suggest(&document, &mistake.path, &mistake.value)?;
-        Some(suggestion.help_with_fields(&document))
+        let says_enough = !suggestion.assignments.is_empty() || error.help.is_none();
+        says_enough.then(|| suggestion.help_with_fields(&document))
     });
     with_help(error, suggestion)
 }
+
+/// Beginnings of messages about a value that is not of the field's kind.
+const VALUES_OF_ANOTHER_KIND: [&str; 4] = [
+    "expected fields in parentheses",
+    "expected the name of a field or of a variant",
+    "expected opening",
+    "unexpected variant",
+];
 
 /// The error of reading a study or a search for parameters, with help if a name is a field of
 /// scenarios in other libraries.

@@ -1,5 +1,6 @@
 //! The command line: messages, exit statuses, and the files that commands write. One file per command.
 
+mod arguments;
 mod bench;
 mod check;
 mod completions;

@@ -1,0 +1,98 @@
+//! Options and words of other libraries on the command line: what is meant, to be pasted.
+
+use crate::util::{run_refused, seedbed};
+
+/// The options in the tip of an error, as a shell splits them.
+fn pasted(error: &str) -> Vec<String> {
+    let (_, rest) = error
+        .split_once("write `")
+        .unwrap_or_else(|| panic!("no example in {error}"));
+    let text = rest.split_once('`').unwrap().0;
+    let mut options = vec![String::new()];
+    let mut is_quoted = false;
+    for character in text.chars() {
+        match character {
+            '\'' => is_quoted = !is_quoted,
+            ' ' if !is_quoted => options.push(String::new()),
+            _ => options.last_mut().unwrap().push(character),
+        }
+    }
+    options
+}
+
+/// Each example runs when it is pasted; the file of the run has what was meant.
+#[test]
+fn options_of_other_libraries_are_answered_with_examples_that_run() {
+    let folder = tempfile::tempdir().unwrap();
+    for (number, (scenario, arguments, expected)) in [
+        ("cartpole", &["--lr", "0.25"][..], "step_size: 0.25,"),
+        ("cartpole_q", &["--learning-rate=0.25"], "step_size: 0.25,"),
+        ("cartpole", &["--gamma", "0.5"], "discount: 0.5,"),
+        ("cartpole", &["--n-envs", "3"], "count: 3,"),
+        ("cartpole", &["--num_envs=3"], "count: 3,"),
+        ("cartpole", &["agents.count=3"], "count: 3,"),
+        ("cartpole", &["--agents", "3"], "count: 3,"),
+        (
+            "cartpole",
+            &["--env", "CartPole-v1"],
+            "environment: \"cartpole\",",
+        ),
+        ("cartpole", &["--algo", "ppo"], "policy_data: Own,"),
+        ("cartpole", &["--batch-size", "32"], "Steps(32)"),
+        ("cartpole", &["--set", "lr=0.25"], "step_size: 0.25,"),
+        (
+            "cartpole",
+            &["--set", "algorithm=DQN"],
+            "algorithm: QLearning(",
+        ),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let error = run_refused(&[&["run", scenario], arguments].concat());
+        let mut options = pasted(&error);
+        if arguments[0] == "--set" {
+            // Help for `--set` and `set` in studies has the assignment alone.
+            options = vec!["--set".to_owned(), pasted(&error).concat()];
+        }
+        let out = folder.path().join(number.to_string());
+        let out = out.to_str().unwrap();
+        let mut run = vec![
+            "run",
+            scenario,
+            "--set",
+            "stop=Episodes(1)",
+            "--no-recording",
+        ];
+        run.extend(["--quiet", "--out", out]);
+        run.extend(options.iter().map(String::as_str));
+        let output = seedbed(&run);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{run:?}: {errors}");
+        let stored = std::fs::read_to_string(format!("{out}/scenario.ron")).unwrap();
+        assert!(stored.contains(expected), "{arguments:?}: {stored}");
+    }
+}
+
+/// What has no field is explained; other unknown options are refused as before.
+#[test]
+fn what_has_no_field_is_explained() {
+    assert_eq!(
+        run_refused(&["run", "cartpole", "--device", "cuda"]),
+        "error: unexpected argument '--device' found\n\n  \
+         tip: `device`: runs use the processor only; `--threads N` sets the number of threads\n\n\
+         Usage: seedbed run [OPTIONS] <SCENARIO>\n\nFor more information, try '--help'.\n"
+    );
+    let error = run_refused(&["run", "cartpole", "--seed", "1", "--seed", "2"]);
+    assert!(
+        error.contains("tip: `seedbed bench SCENARIO --seeds 10`"),
+        "{error}"
+    );
+    let error = run_refused(&["study", "scenarios/thesis/fig_6_1.ron", "--gamma=0.9"]);
+    assert!(
+        error.contains("in the study file, `gamma`: discount factor; write `set: ["),
+        "{error}"
+    );
+    let error = run_refused(&["run", "cartpole", "--frobnicate", "3"]);
+    assert!(!error.contains("write `"), "{error}");
+}
