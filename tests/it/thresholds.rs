@@ -49,6 +49,7 @@ fn solved_at(returns: &[&str], threshold: f64) -> Option<u32> {
     .unwrap();
     let monitor = read(folder.path(), ResultsSource::Monitor(pattern()), threshold);
     assert_eq!(csv.returns, monitor.returns);
+    assert_eq!(csv.returns[0][0], returns[0].parse::<f64>().unwrap());
     let episodes = [csv, monitor].map(|run| {
         // Single episodes reach the threshold, too.
         assert_eq!(run.first_goals()[0].is_some(), run.solved.is_some());
@@ -67,8 +68,8 @@ fn returns_of_others_that_equal_a_threshold_reach_it() {
     assert_eq!(solved_at(&["1000000.1"; 30], 1_000_000.1), Some(25));
     assert_eq!(solved_at(&["1000000.09"; 30], 1_000_000.1), None);
     assert_eq!(solved_at(&["0.69999998"; 30], 0.7), None);
-    assert_eq!(solved_at(&["1e39"; 30], 1e39), Some(25));
-    assert_eq!(solved_at(&["1e39"; 30], 1.1e39), None);
+    assert_eq!(solved_at(&["1e39"; 30], 1e38), Some(25));
+    assert_eq!(solved_at(&["-1e39"; 30], -1e38), None);
     // 0.1 added up ten times.
     assert_eq!(solved_at(&["0.9999999999999999"; 30], 1.0), Some(25));
 }
