@@ -231,7 +231,7 @@ fn a_killed_run_continues_from_its_latest_checkpoint() {
     let output = study.stop("KILL", &[&EVERY_ROUND], is_saved_after(50));
     assert_eq!(output.status.code(), None);
     let checkpoint = study.files("checkpoint")[0].clone();
-    let incomplete = PathBuf::from(format!("{}.abc.part", checkpoint.display()));
+    let incomplete = PathBuf::from(format!("{}.abcdef.part", checkpoint.display()));
     fs::write(incomplete, "begun").unwrap();
     let saved = study.saved_episodes()[0];
     assert_eq!(resumed(&study.finish(&[]), saved), 1);
