@@ -77,11 +77,13 @@ fn options_of_other_libraries_are_answered_with_examples_that_run() {
 /// What has no field is explained; other unknown options are refused as before.
 #[test]
 fn what_has_no_field_is_explained() {
-    assert_eq!(
-        run_refused(&["run", "cartpole", "--device", "cuda"]),
-        "error: unexpected argument '--device' found\n\n  \
-         tip: `device`: runs use the processor only; `--threads N` sets the number of threads\n\n\
-         Usage: seedbed run [OPTIONS] <SCENARIO>\n\nFor more information, try '--help'.\n"
+    let error = run_refused(&["run", "cartpole", "--device", "cuda"]);
+    assert!(
+        error.starts_with(
+            "error: unexpected argument '--device' found\n\n  \
+             tip: `device`: runs use the processor only; `--threads N` sets the number of threads\n\n"
+        ),
+        "{error}"
     );
     let error = run_refused(&["run", "cartpole", "--seed", "1", "--seed", "2"]);
     assert!(

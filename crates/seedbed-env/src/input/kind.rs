@@ -88,7 +88,7 @@ fn foreign_beginning(opening: &str) -> Option<String> {
         '#' => "`#` does not begin a comment: write `// …`",
         '{' | '(' | '[' => "a file begins with the word for its kind: `Scenario(environment: …)`",
         '"' | '\'' => "names of fields have no quotes: `Scenario(environment: …)`",
-        _ if opening.ends_with(':') => {
+        _ if opening.ends_with(':') && !opening.contains('(') => {
             "fields are in parentheses after the word for the kind of file: \
              `Scenario(environment: …)`"
         }
