@@ -182,8 +182,11 @@ pub fn remove_abandoned(folder: &Path, is_own: impl Fn(&str) -> bool) {
         let name = entry.file_name();
         if target_of(&name.to_string_lossy()).is_some_and(&is_own) {
             let path = entry.path();
-            let file = File::options().write(true).open(&path);
-            if file.is_ok_and(|file| file.try_lock().is_ok()) {
+            let Ok(file) = File::options().write(true).open(&path) else {
+                continue;
+            };
+            // Locked until it is removed: a process that has just made it sees that it is gone.
+            if file.try_lock().is_ok() {
                 let _ = fs::remove_file(path);
             }
         }

@@ -25,8 +25,8 @@ use crate::study::run_result::{MeasuredRun, RunResult};
 use crate::study::shard::COST_PER_MINUTE;
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
-use seedbed_env::input::Located;
 use seedbed_env::input::numbers::{ranged_count, ranged_number};
+use seedbed_env::input::{Located, limits};
 
 impl Experiment for Plan {
     fn name(&self) -> &str {
@@ -417,7 +417,8 @@ const MIN_EQUAL_RETURNS: usize = 20;
 /// What to read if all returns are the same, so that agents had nothing to learn from; `None` if they
 /// are not, or if the task is solved. `episodes`: the table of episodes
 fn no_signal_hint(summary: &Summary, episodes: &Path) -> Option<String> {
-    let mut rows = csv::Reader::from_path(episodes).ok()?.into_deserialize();
+    let table = limits::open_regular(episodes).ok()?;
+    let mut rows = csv::Reader::from_reader(table).into_deserialize();
     let first: EpisodeRow = rows.next()?.ok()?;
     let (mut count, value) = (1_usize, first.r#return);
     for row in rows {
