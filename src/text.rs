@@ -85,17 +85,22 @@ pub fn json_in_script(json: &str) -> String {
     terminal(json).replace('<', "\\u003c")
 }
 
-/// Text as a cell of a Markdown table, and of any other line: without further lines, HTML elements, links and
-/// images.
+/// Text as a cell of a Markdown table: like [`markdown_line`], and without the marks between cells.
 #[must_use]
 pub fn markdown_cell(text: &str) -> String {
+    markdown_line(text).replace('|', "\\|")
+}
+
+/// Text as a line of Markdown outside tables: without further lines, HTML elements, links and images.
+#[must_use]
+pub fn markdown_line(text: &str) -> String {
     let mut cell = String::new();
     let mut characters = text.chars().peekable();
     while let Some(character) = characters.next() {
         let next = characters.peek();
         let begins_element = |next: &char| next.is_ascii_alphabetic() || "/!?".contains(*next);
         match character {
-            '|' | '[' | ']' | '\\' => {
+            '[' | ']' | '\\' => {
                 cell.push('\\');
                 cell.push(character);
             }

@@ -6,7 +6,7 @@ use crate::study::claims::ClaimResult;
 use crate::study::file::Claim;
 use crate::study::gate::gates;
 use crate::study::results::Results;
-use crate::text::{markdown_cell, pluralize};
+use crate::text::{markdown_cell, markdown_line, pluralize};
 
 pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> String {
     let mut text = caveats(results);
@@ -23,7 +23,7 @@ pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> Stri
     for measure in results.measures_of_claims() {
         let note = note_about_early_ends(results, measure);
         if !note.is_empty() {
-            text += &format!("\n{}: {note}\n", markdown_cell(&measure.title()));
+            text += &format!("\n{}: {note}\n", markdown_line(&measure.title()));
         }
     }
     if let (Some(lock), Some(audit)) = (&results.manifest.lock, &results.audit) {
@@ -40,7 +40,7 @@ pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> Stri
 
 /// A paragraph of a sentence that may have names in it.
 fn paragraph(sentence: &str) -> String {
-    format!("\n{}\n", markdown_cell(sentence))
+    format!("\n{}\n", markdown_line(sentence))
 }
 
 /// Explanation of intervals and p-values below the table.

@@ -11,7 +11,7 @@ use crate::study::file::Scaling;
 use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
 use crate::study::scaling::{self, Method, Ratio, TeamSize};
-use crate::text::markdown_cell;
+use crate::text::{markdown_cell, markdown_line};
 use seedbed_stats::Estimate;
 use seedbed_stats::shares::wilson_interval;
 
@@ -40,7 +40,7 @@ pub(super) fn all(results: &Results) -> Vec<Table> {
 
 /// `tables.md`: all tables, to be included in other documents.
 pub(super) fn markdown(results: &Results, tables: &[Table]) -> String {
-    let title = format!("# {}\n", markdown_cell(&results.study.title));
+    let title = format!("# {}\n", markdown_line(&results.study.title));
     tables
         .iter()
         .fold(title, |text, table| text + "\n" + &table.markdown())
@@ -66,7 +66,7 @@ impl Table {
             .collect();
         let note = match self.note.as_str() {
             "" => String::new(),
-            note => format!("\n{}\n", markdown_cell(note)),
+            note => format!("\n{}\n", markdown_line(note)),
         };
         format!("## {}\n\n{head}{separator}{rows}{note}", self.title)
     }
