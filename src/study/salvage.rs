@@ -15,6 +15,7 @@ use crate::record::state_files::{StateFiles, salvage as salvage_states};
 use crate::run::checksums::{Checksums, FILE_NAME, NewChecksums, sha256};
 use crate::run::files;
 use crate::run::folder::RunFolder;
+use crate::text::pluralize;
 use seedbed_env::input::limits::{MAX_LARGE_FILE_BYTES, MAX_SMALL_FILE_BYTES, read_bytes};
 
 /// What became of a file.
@@ -209,11 +210,11 @@ fn states_of(path: &Path, target: &Path) -> io::Result<Fate> {
         .map(|episode| episode.to_string())
         .take(10)
         .collect();
+    let whole = pluralize(states.episodes.len(), "whole episode");
+    let lost_bytes = pluralize(states.lost_bytes, "byte");
+    let lost_episodes = pluralize(states.lost_episodes() as usize, "episode");
     Ok(Fate::Cut(format!(
-        "{} episodes are whole and numbered again from 0; {} bytes are lost, {} episodes before the last whole one{}",
-        states.episodes.len(),
-        states.lost_bytes,
-        states.lost_episodes(),
+        "{whole}, numbered again from 0; {lost_bytes} lost, and {lost_episodes} before the last whole one{}",
         if lost.is_empty() {
             String::new()
         } else {

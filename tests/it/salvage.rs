@@ -24,7 +24,7 @@ fn salvage(from: &Path, to: &Path) -> String {
     ])
 }
 
-/// The file has two episodes. If a bit of the first is changed, the second is episode 0 of the new file.
+/// The file has three episodes. If a bit of the first is changed, the second is episode 0 of the new file.
 #[test]
 fn whole_episodes_of_visited_states_are_kept() {
     let folder = tempfile::tempdir().unwrap();
@@ -37,15 +37,15 @@ fn whole_episodes_of_visited_states_are_kept() {
     let path = write_file(&from, 0, &bytes);
     let printed = salvage(&from, &to);
     assert!(
-        printed.contains("1 episodes are whole and numbered again from 0")
-            && printed.contains("1 episodes before the last whole one: 0")
+        printed.contains("2 whole episodes, numbered again from 0")
+            && printed.contains("and 1 episode before the last whole one: 0")
             && printed.contains("salvaged   0 files whole, 1 in part, 0 lost"),
         "{printed}"
     );
     assert_eq!(fs::read(&path).unwrap(), bytes, "the source is not changed");
     let salvaged = StateFiles::open_folder(&to).unwrap();
     let episodes: Vec<_> = salvaged.episodes().map(Result::unwrap).collect();
-    assert_eq!(episodes.len(), 1);
+    assert_eq!(episodes.len(), 2);
     let expected = intact[1].as_ref().unwrap();
     assert_eq!(episodes[0].episode, 0);
     assert_eq!(episodes[0].observations, expected.observations);

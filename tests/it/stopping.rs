@@ -98,9 +98,8 @@ const LONG_ROUNDS: [(&str, &[&str]); 6] = [
     (
         "cartpole_q",
         &[
-            "schedule=Lockstep(learn_every: 1)",
-            "algorithm.minibatches=100000",
-            "algorithm.warmup=1",
+            "algorithm.learning.minibatches=100000",
+            "algorithm.learning.minibatch=1",
         ],
     ),
 ];

@@ -89,11 +89,13 @@ fn cells_with_equal_settings_share_their_runs() {
     assert_eq!(table.lines().count(), 1 + 3, "{table}");
 }
 
+/// The figure of visited states in the text of the study. Results without it end with curves.
+const VISITATION: &str = r#", Visitation(cells: ["σ 9"], episodes: [First(2), All])"#;
+
 /// The test changes stored results, as if another version of the program had computed them.
 #[test]
 fn verify_finds_runs_that_are_not_reproduced() {
-    let visitation = r#", Visitation(cells: ["σ 9"], episodes: [First(2), All])"#;
-    let (_folder, study, out) = write_study(&study_text(2, "").replace(visitation, ""));
+    let (_folder, study, out) = write_study(&study_text(2, "").replace(VISITATION, ""));
     let without_runs = run_study(&study, &out, &["--verify"]);
     let expected = format!(
         "error: {} contains no runs of this study to verify\n",
@@ -135,7 +137,7 @@ fn verify_finds_runs_that_are_not_reproduced() {
 /// cell, and its number repeats it.
 #[test]
 fn runs_to_verify_are_drawn_at_random() {
-    let (_folder, study, out) = write_study(&study_text(2, ""));
+    let (_folder, study, out) = write_study(&study_text(2, "").replace(VISITATION, ""));
     assert!(run_study(&study, &out, &[]).status.success());
     let number = || {
         let verified = run_study(&study, &out, &["--verify=1"]);

@@ -105,7 +105,8 @@ fn large_ratios_of_masses_are_reported_with_what_mends_them() {
 }
 
 /// Bodies with moments of inertia of 1e-7 m r² move as points do; smaller ones are lost beside the mass. The
-/// reference is the same task with joints of multibodies, whose accelerations do not depend on them.
+/// reference is the same task with joints of multibodies, whose accelerations do not depend on them. There is
+/// also where a copy goes on whose bodies turn too fast, so that 1e-12 does no harm here.
 #[test]
 fn small_inertias_are_reported() {
     let angles = |inertia: f64, fields: &str| {
@@ -132,7 +133,7 @@ fn small_inertias_are_reported() {
             .max((angles[1] - exact[1]).abs())
     };
     assert!(
-        error(near) < 1e-3 && error(far) > 1.0,
+        error(near) < 1e-3 && error(far) < 1e-3,
         "{near:?}, {far:?}, {exact:?}"
     );
     assert_eq!((none, none_either), (Vec::new(), Vec::new()));
@@ -155,7 +156,7 @@ fn changed(name: &str, from: &str, to: &str) -> String {
 
 #[test]
 fn motion_that_explodes_is_reported_with_its_place() {
-    let warning = changed("cartpole_gym.ron", "inertia: ", "inertia: 1e-30, // ");
+    let warning = changed("cartpole.ron", "inertia: ", "inertia: 1e-30, // ");
     assert!(
         warning.contains("the inertia of body `pole`, 1.0e-30 kg m², is lost in single precision"),
         "{warning}"
