@@ -140,16 +140,13 @@ pub fn from_spreadsheet_cell(cell: &str) -> Cow<'_, str> {
         let character = u32::from_str_radix(digits, 16)
             .ok()
             .and_then(char::from_u32);
-        match character.filter(|character| is_invisible_control(*character)) {
-            Some(character) => {
-                text += &rest[..start];
-                text.push(character);
-                rest = &rest[start + 6..];
-            }
-            None => {
-                text += &rest[..start + 2];
-                rest = &rest[start + 2..];
-            }
+        if let Some(character) = character.filter(|character| is_invisible_control(*character)) {
+            text += &rest[..start];
+            text.push(character);
+            rest = &rest[start + 6..];
+        } else {
+            text += &rest[..start + 2];
+            rest = &rest[start + 2..];
         }
     }
     text += rest;

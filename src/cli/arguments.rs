@@ -97,9 +97,9 @@ fn meant(name: &str, value: &str, arguments: &[String]) -> Option<Suggestion> {
         };
         return match kind {
             FileKind::TabularScenario => {
-                suggest::<TabularScenario>(overrides::parse(&path, text).ok(), name, value)
+                suggest::<TabularScenario>(overrides::parse(&path, &text).ok(), name, value)
             }
-            _ => suggest::<Scenario>(overrides::parse(&path, text).ok(), name, value),
+            _ => suggest::<Scenario>(overrides::parse(&path, &text).ok(), name, value),
         };
     }
     suggest::<Scenario>(None, name, value)

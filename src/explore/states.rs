@@ -140,11 +140,7 @@ pub(super) fn read(
     let mut episodes = Vec::with_capacity(read.len());
     for (info, rows) in read.into_values() {
         episodes.push(info);
-        for row in rows.chunks_exact(columns.len()) {
-            for (column, value) in columns.iter_mut().zip(row) {
-                column.values.push(*value);
-            }
-        }
+        add_rows(&mut columns, &rows);
     }
     for (column, nan) in columns.iter_mut().zip(nan) {
         column.nan = nan;
@@ -155,6 +151,14 @@ pub(super) fn read(
         state_count,
         filmed: filmed_states,
     })
+}
+
+fn add_rows(columns: &mut [StateColumn], rows: &[f32]) {
+    for row in rows.chunks_exact(columns.len()) {
+        for (column, value) in columns.iter_mut().zip(row) {
+            column.values.push(*value);
+        }
+    }
 }
 
 fn empty_columns(recording: &RecordedStates, has_advantages: bool) -> Vec<StateColumn> {

@@ -320,9 +320,9 @@ fn axes_of_film(selection: &StateSelection, selected: &[SelectedStates]) -> Vec<
     let axes = selection.all_axes.all().iter().enumerate().take(MAX_AXES);
     axes.map(|(index, axis)| {
         let mut unplaced = Unplaced::default();
-        selected
-            .iter()
-            .for_each(|agent| unplaced += agent.unplaced[index]);
+        for agent in selected {
+            unplaced += agent.unplaced[index];
+        }
         plotting::axis_with_shares(&axis.quantity, unplaced.shares(states).to_array())
     })
     .collect()

@@ -15,6 +15,10 @@ use serde::{Deserialize, Serialize};
 /// A number that is measured during a run, with its name, unit, range and the places where it is
 /// shown.
 #[derive(Clone, Copy, Debug)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "a row of the table of metrics; each is a column"
+)]
 pub struct Metric {
     /// Name of its column in `rounds.csv` and of its entity below `/curves`.
     pub key: &'static str,

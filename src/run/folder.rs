@@ -104,7 +104,8 @@ impl RunFolder {
             own.extend([self.summary_file(), self.checksums_file()]);
             let is_own = |name: &str| own.contains(&self.path.join(name));
             files::remove_abandoned(&self.path, is_own);
-            files::remove_abandoned(&self.tasks_folder(), |name| name.ends_with(".ron"));
+            let is_task = |name: &str| Path::new(name).extension().is_some_and(|end| end == "ron");
+            files::remove_abandoned(&self.tasks_folder(), is_task);
             checkpoint::remove_abandoned(&self.path);
         }
         Ok(lock)
@@ -286,14 +287,14 @@ impl RunFolder {
 /// # Errors
 /// The file cannot be read, is no scenario, or belongs to a run that has lost the copy of its task.
 pub fn read_scenario(path: &Path) -> Result<Document<Scenario>, InputError> {
-    parse_scenario(path, input_files::read_text(path)?)
+    parse_scenario(path, &input_files::read_text(path)?)
 }
 
 /// Like [`read_scenario`], for a text that was read from `path`.
 ///
 /// # Errors
 /// See [`read_scenario`].
-pub fn parse_scenario(path: &Path, text: String) -> Result<Document<Scenario>, InputError> {
+pub fn parse_scenario(path: &Path, text: &str) -> Result<Document<Scenario>, InputError> {
     let mut document: Document<Scenario> = overrides::parse(path, text)?;
     if let Some(folder) = RunFolder::of_scenario(path) {
         let task = scenario::task_name(&document.value.environment).to_owned();

@@ -286,7 +286,7 @@ pub fn task_name(environment: &str) -> &str {
 /// How a scenario names the task `envs/TASK.ron` in its own folder, whose directory `envs` is the
 /// nearest. The name of a task that ends in `.ron` would be a path.
 pub(crate) fn environment_in_folder(task: &str) -> String {
-    if task.ends_with(".ron") {
+    if Path::new(task).extension().is_some_and(|end| end == "ron") {
         format!("envs/{task}.ron")
     } else {
         task.to_owned()

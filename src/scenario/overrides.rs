@@ -50,9 +50,9 @@ pub trait Resolve: DeserializeOwned + Clone {
 ///
 /// # Errors
 /// The text is not a `T`; names of other libraries are explained.
-pub fn parse<T: Resolve>(path: &Path, text: String) -> Result<Document<T>, InputError> {
-    let parsed = input::parse(&path.display().to_string(), text.clone());
-    parsed.map_err(|error| synonyms::explain::<T>(&text, error))
+pub fn parse<T: Resolve>(path: &Path, text: &str) -> Result<Document<T>, InputError> {
+    let parsed = input::parse(&path.display().to_string(), text.to_owned());
+    parsed.map_err(|error| synonyms::explain::<T>(text, error))
 }
 
 /// What the value of a field begins with in the file with all defaults, such as `SeedPg(`; none if

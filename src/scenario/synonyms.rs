@@ -116,6 +116,7 @@ pub(super) fn algorithm_in(text: &str) -> &str {
 }
 
 /// The error of reading a file of the kind `T`, with help if a name is one of other libraries.
+#[must_use]
 pub fn explain<T: Resolve>(text: &str, error: InputError) -> InputError {
     let Some(mistake) = Mistake::of(&error) else {
         return error;
@@ -145,6 +146,7 @@ const VALUES_OF_ANOTHER_KIND: [&str; 4] = [
 
 /// The error of reading a study or a search for parameters, with help if a name is a field of
 /// scenarios in other libraries.
+#[must_use]
 pub fn explain_in_study(error: InputError) -> InputError {
     let mistake = Mistake::of(&error).filter(|_| error.unexpected_field().is_some());
     let suggestion = mistake.and_then(|mistake| {

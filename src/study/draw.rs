@@ -5,6 +5,10 @@ use std::collections::HashSet;
 use std::io;
 
 use rand::TryRng;
+#[expect(
+    clippy::disallowed_types,
+    reason = "which runs are repeated must not be foreseen"
+)]
 use rand::rngs::SysRng;
 use rand::seq::SliceRandom;
 

@@ -88,7 +88,7 @@ fn one() -> Count<100_000> {
 /// If the file or an override is invalid.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Document<TabularScenario>, InputError> {
     overrides::apply_all(
-        overrides::parse(path, input_files::read_text(path)?)?,
+        overrides::parse(path, &input_files::read_text(path)?)?,
         overrides,
     )
 }

@@ -168,9 +168,9 @@ fn abandoned_rounds_do_not_change_bits() {
         let run = |path: &Path, resume: Option<&str>| {
             let mut run = command(&["run", scenario, "--threads", "1", "--out"]);
             run.arg(path).args(resume);
-            settings.iter().for_each(|setting| {
+            for setting in settings {
                 run.args(["--set", setting]);
-            });
+            }
             run
         };
         let (whole, stopped) = (

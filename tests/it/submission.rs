@@ -301,15 +301,17 @@ fn tables_with_impossible_or_missing_values_are_refused() {
         &set("FinalReturn(window:2)", ""),
     );
     refused("1 of 6 runs is missing; expected one row", &|rows| {
-        drop(rows.pop())
+        drop(rows.pop());
     });
     refused("the study has no (second) run of `short`", &|rows| {
-        rows.push(rows[1].clone())
+        rows.push(rows[1].clone());
     });
     refused("with run seed 5", &set("seed", "5"));
     refused("expected one column `reach`, found 0", &|rows| {
         let column = rows[0].iter().position(|name| name == "reach").unwrap();
-        rows.iter_mut().for_each(|row| drop(row.remove(column)));
+        for row in rows.iter_mut() {
+            drop(row.remove(column));
+        }
     });
     refused(
         "`1` in the column `agents`; the study says `2`",

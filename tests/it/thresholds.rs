@@ -41,7 +41,8 @@ fn solved_at(returns: &[&str], threshold: f64) -> Option<u32> {
         columns: Columns::default(),
     };
     let csv = read(folder.path(), csv, threshold);
-    let rows: String = returns.iter().map(|r| format!("{r},10,0.5\n")).collect();
+    let rows: Vec<String> = returns.iter().map(|r| format!("{r},10,0.5\n")).collect();
+    let rows = rows.concat();
     fs::write(
         &path,
         format!("\u{feff}#{{\"t_start\": 1.0}}\r\nr,l,t\r\n{rows}"),

@@ -30,6 +30,9 @@ use crate::record::outline::terrain_lines;
 
 import_exception!(gymnasium.error, ResetNeeded);
 
+/// Positional and named arguments of the constructor of a batch.
+type NewArguments<'py> = ((Py<Task>, usize), Bound<'py, PyDict>);
+
 /// Sides of pictures, in pixels.
 const PICTURE_SIDES: std::ops::RangeInclusive<u32> = 32..=4096;
 
@@ -120,10 +123,7 @@ impl Batch {
 
     /// With `__getstate__` and `__setstate__`: `pickle` and `copy` make a batch that continues with the
     /// same bits.
-    fn __getnewargs_ex__<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<((Py<Task>, usize), Bound<'py, PyDict>)> {
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<NewArguments<'py>> {
         let limit = self.max_episode_steps().map_or(-1, i64::from);
         let options = PyDict::new(py);
         options.set_item("threads", self.threads())?;
@@ -140,8 +140,8 @@ impl Batch {
 
     fn __setstate__(&mut self, states: Vec<Vec<u8>>) -> PyResult<()> {
         check_length("states", states.len(), self.copies)?;
-        for (copy, state) in states.iter().enumerate() {
-            self.restore(copy, state)?;
+        for (copy, state) in states.into_iter().enumerate() {
+            self.restore(copy, &state)?;
         }
         Ok(())
     }

@@ -43,7 +43,7 @@ pub fn salvage(path: &Path) -> io::Result<Option<SalvagedStates>> {
         episodes: Vec::new(),
         lost_bytes,
     };
-    salvaged.add_frame(b"HEAD", header.payload);
+    salvaged.add_frame(*b"HEAD", header.payload);
     let mut unfinished: Vec<&[u8]> = Vec::new();
     for frame in frames.iter().filter(|frame| frame.kind == b"EPIS") {
         if frame.payload.len() < EPISODE_START || !continues(&mut unfinished, frame.payload) {
@@ -116,11 +116,11 @@ impl SalvagedStates {
             .extend(frames.first().map(|first| number(first)));
         for frame in frames {
             let payload = [&new_number.to_le_bytes(), &frame[4..]].concat();
-            self.add_frame(b"EPIS", &payload);
+            self.add_frame(*b"EPIS", &payload);
         }
     }
 
-    fn add_frame(&mut self, kind: &[u8; 4], payload: &[u8]) {
+    fn add_frame(&mut self, kind: [u8; 4], payload: &[u8]) {
         let size = (payload.len() as u32).to_le_bytes();
         let start = [&kind[..], &size, &checksum(payload).to_le_bytes()].concat();
         self.bytes.extend(&start);

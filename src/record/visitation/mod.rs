@@ -42,11 +42,5 @@ fn fraction(value: f32, [low, high]: [f32; 2]) -> f32 {
 
 /// `fraction` from 0 to 1, or NaN.
 fn clamped(fraction: f32) -> f32 {
-    if fraction <= 0.0 {
-        0.0
-    } else if fraction >= 1.0 {
-        1.0
-    } else {
-        fraction
-    }
+    fraction.clamp(0.0, 1.0)
 }

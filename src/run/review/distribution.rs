@@ -203,11 +203,13 @@ mod tests {
             unit: String::new(),
             range: [0.0, 1000.0],
         });
-        values.iter().for_each(|value| distribution.add(*value));
+        for value in values {
+            distribution.add(*value);
+        }
         distribution.find_middle();
-        values
-            .iter()
-            .for_each(|value| distribution.add_again(*value));
+        for value in values {
+            distribution.add_again(*value);
+        }
         distribution
     }
 

@@ -22,139 +22,149 @@ fn assignments(algorithm: &str, path: &str, value: &str) -> Vec<String> {
     suggestion.map_or_else(Vec::new, |suggestion| suggestion.assignments)
 }
 
+/// Algorithm, path, value, and the assignments that are suggested.
+type Case = (
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static [&'static str],
+);
+
+const CASES: &[Case] = &[
+    (
+        "SeedPg",
+        "lr",
+        "0.1",
+        &[
+            "algorithm.policy_optimiser.step_size=0.1",
+            "algorithm.value_optimiser.step_size=0.1",
+        ],
+    ),
+    (
+        "QLearning",
+        "algorithm.learning_rate",
+        "3e-4",
+        &["algorithm.learning.optimiser.step_size=3e-4"],
+    ),
+    (
+        "SeedPsrl",
+        "lr",
+        "-1",
+        &["algorithm.network.optimiser.step_size=0.001"],
+    ),
+    ("CrossEntropy", "lr", "0.1", &[]),
+    ("SeedPg", "gamma", "0.9", &["algorithm.discount=0.9"]),
+    (
+        "SeedTd",
+        "algorithm.gamma",
+        "0.9",
+        &["algorithm.learning.discount=0.9"],
+    ),
+    ("SeedPg", "agents", "16", &["agents.count=16"]),
+    ("SeedPg", "n_envs", "8", &["agents.count=8"]),
+    ("SeedPg", "num_envs", "", &["agents.count=16"]),
+    (
+        "SeedPg",
+        "net_arch",
+        "[64, 64]",
+        &["algorithm.hidden=[64, 64]"],
+    ),
+    (
+        "QLearning",
+        "net_arch",
+        "dict(pi=[64])",
+        &["algorithm.learning.hidden=[64, 64]"],
+    ),
+    (
+        "SeedPg",
+        "batch_size",
+        "32",
+        &["algorithm.minibatch=Steps(32)"],
+    ),
+    (
+        "QLearning",
+        "batch_size",
+        "32",
+        &["algorithm.learning.minibatch=32"],
+    ),
+    (
+        "SeedPg",
+        "algorithm.minibatch",
+        "32",
+        &["algorithm.minibatch=Steps(32)"],
+    ),
+    (
+        "SeedPg",
+        "ent_coef",
+        "0.01",
+        &["algorithm.entropy_bonus=0.01"],
+    ),
+    ("QLearning", "ent_coef", "0.01", &[]),
+    (
+        "SeedPg",
+        "clip_range",
+        "0.1",
+        &["algorithm.policy_loss.clip=0.1"],
+    ),
+    (
+        "LeaderFollowers",
+        "clip_coef",
+        "0.1",
+        &["algorithm.clip=0.1"],
+    ),
+    (
+        "SeedPg",
+        "n_steps",
+        "2048",
+        &["schedule=Synchronous(episodes: 4)"],
+    ),
+    (
+        "SeedPg",
+        "total_timesteps",
+        "50000",
+        &["stop=Steps(team: 50000, at_most: 100000)"],
+    ),
+    ("SeedPg", "stop", "100", &["stop=Episodes(100)"]),
+    ("SeedPg", "env", "CartPole-v1", &["environment=cartpole"]),
+    ("SeedPg", "env_id", "Humanoid-v5", &["environment=cartpole"]),
+    ("SeedPg", "device", "cuda", &[]),
+    (
+        "SeedPg",
+        "algorithm",
+        "PPO",
+        &["algorithm=SeedPg(policy_data: Own, epochs: 4)"],
+    ),
+    (
+        "SeedPg",
+        "algo",
+        "ppo",
+        &["algorithm=SeedPg(policy_data: Own, epochs: 4)"],
+    ),
+    (
+        "SeedPg",
+        "algorithm",
+        "\"A2C\"",
+        &["algorithm=SeedPg(policy_data: Own, policy_loss: SimplePg)"],
+    ),
+    (
+        "SeedPg",
+        "algorithm",
+        "DQN(lr: 0.1)",
+        &["algorithm=QLearning()"],
+    ),
+    // Fields with the name that another one has elsewhere are not explained.
+    ("SeedPg", "schedule.episodes", "0", &[]),
+    ("SeedPg", "agents.seeds", "3", &[]),
+    ("SeedPg", "algorithm.policy_optimiser.epsilon", "-1", &[]),
+    ("SeedPg", "algorithm.time_limit", "500", &[]),
+    ("SeedPg", "algorithm", "Foo", &[]),
+];
+
 /// Each name is written as Stable-Baselines3, CleanRL or RLlib have it, and answered for each
 /// algorithm that has such a parameter.
 #[test]
 fn names_are_those_of_the_algorithm() {
-    for (algorithm, path, value, expected) in [
-        (
-            "SeedPg",
-            "lr",
-            "0.1",
-            &[
-                "algorithm.policy_optimiser.step_size=0.1",
-                "algorithm.value_optimiser.step_size=0.1",
-            ][..],
-        ),
-        (
-            "QLearning",
-            "algorithm.learning_rate",
-            "3e-4",
-            &["algorithm.learning.optimiser.step_size=3e-4"],
-        ),
-        (
-            "SeedPsrl",
-            "lr",
-            "-1",
-            &["algorithm.network.optimiser.step_size=0.001"],
-        ),
-        ("CrossEntropy", "lr", "0.1", &[]),
-        ("SeedPg", "gamma", "0.9", &["algorithm.discount=0.9"]),
-        (
-            "SeedTd",
-            "algorithm.gamma",
-            "0.9",
-            &["algorithm.learning.discount=0.9"],
-        ),
-        ("SeedPg", "agents", "16", &["agents.count=16"]),
-        ("SeedPg", "n_envs", "8", &["agents.count=8"]),
-        ("SeedPg", "num_envs", "", &["agents.count=16"]),
-        (
-            "SeedPg",
-            "net_arch",
-            "[64, 64]",
-            &["algorithm.hidden=[64, 64]"],
-        ),
-        (
-            "QLearning",
-            "net_arch",
-            "dict(pi=[64])",
-            &["algorithm.learning.hidden=[64, 64]"],
-        ),
-        (
-            "SeedPg",
-            "batch_size",
-            "32",
-            &["algorithm.minibatch=Steps(32)"],
-        ),
-        (
-            "QLearning",
-            "batch_size",
-            "32",
-            &["algorithm.learning.minibatch=32"],
-        ),
-        (
-            "SeedPg",
-            "algorithm.minibatch",
-            "32",
-            &["algorithm.minibatch=Steps(32)"],
-        ),
-        (
-            "SeedPg",
-            "ent_coef",
-            "0.01",
-            &["algorithm.entropy_bonus=0.01"],
-        ),
-        ("QLearning", "ent_coef", "0.01", &[]),
-        (
-            "SeedPg",
-            "clip_range",
-            "0.1",
-            &["algorithm.policy_loss.clip=0.1"],
-        ),
-        (
-            "LeaderFollowers",
-            "clip_coef",
-            "0.1",
-            &["algorithm.clip=0.1"],
-        ),
-        (
-            "SeedPg",
-            "n_steps",
-            "2048",
-            &["schedule=Synchronous(episodes: 4)"],
-        ),
-        (
-            "SeedPg",
-            "total_timesteps",
-            "50000",
-            &["stop=Steps(team: 50000, at_most: 100000)"],
-        ),
-        ("SeedPg", "stop", "100", &["stop=Episodes(100)"]),
-        ("SeedPg", "env", "CartPole-v1", &["environment=cartpole"]),
-        ("SeedPg", "env_id", "Humanoid-v5", &["environment=cartpole"]),
-        ("SeedPg", "device", "cuda", &[]),
-        (
-            "SeedPg",
-            "algorithm",
-            "PPO",
-            &["algorithm=SeedPg(policy_data: Own, epochs: 4)"],
-        ),
-        (
-            "SeedPg",
-            "algo",
-            "ppo",
-            &["algorithm=SeedPg(policy_data: Own, epochs: 4)"],
-        ),
-        (
-            "SeedPg",
-            "algorithm",
-            "\"A2C\"",
-            &["algorithm=SeedPg(policy_data: Own, policy_loss: SimplePg)"],
-        ),
-        (
-            "SeedPg",
-            "algorithm",
-            "DQN(lr: 0.1)",
-            &["algorithm=QLearning()"],
-        ),
-        // Fields with the name that another one has elsewhere are not explained.
-        ("SeedPg", "schedule.episodes", "0", &[]),
-        ("SeedPg", "agents.seeds", "3", &[]),
-        ("SeedPg", "algorithm.policy_optimiser.epsilon", "-1", &[]),
-        ("SeedPg", "algorithm.time_limit", "500", &[]),
-        ("SeedPg", "algorithm", "Foo", &[]),
-    ] {
+    for (algorithm, path, value, expected) in CASES.iter().copied() {
         assert_eq!(
             assignments(algorithm, path, value),
             expected,
@@ -218,7 +228,7 @@ fn every_name_is_unique_and_simplified() {
 
 /// The error of a scenario file.
 fn help_in_file(text: &str) -> String {
-    let parsed = crate::scenario::overrides::parse::<Scenario>("x.ron".as_ref(), text.to_owned());
+    let parsed = crate::scenario::overrides::parse::<Scenario>("x.ron".as_ref(), text);
     parsed.unwrap_err().help.unwrap_or_default()
 }
 

@@ -49,7 +49,7 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
     let text = input_files::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
     let kind = input::file_kind(&origin, &text);
     if matches!(kind, Ok(FileKind::TabularScenario)) {
-        let document: Result<Document<TabularScenario>, _> = overrides::parse(path, text);
+        let document: Result<Document<TabularScenario>, _> = overrides::parse(path, &text);
         let document = with_overrides(document, overrides)?;
         return Ok(Arc::new(TabularPlan::new(path, document.value)));
     }
@@ -63,7 +63,7 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
         return Err(LoadStep::Read.failed(wrong_kind(&origin, kind)));
     }
     // Files of any other kind are refused with the errors of a `Scenario`.
-    let document = with_overrides(folder::parse_scenario(path, text), overrides)?;
+    let document = with_overrides(folder::parse_scenario(path, &text), overrides)?;
     let plan = Plan::from_document(document, path);
     Ok(Arc::new(
         plan.map_err(|error| LoadStep::Check.failed(error))?,
@@ -85,7 +85,7 @@ pub fn files_read(path: &Path, overrides: &[String]) -> Result<Vec<PathBuf>, Loa
     ) {
         return Ok(files);
     }
-    let document = with_overrides(folder::parse_scenario(path, text), overrides)?;
+    let document = with_overrides(folder::parse_scenario(path, &text), overrides)?;
     let of_task = scenario::environment_path(&document, path)
         .and_then(|task| input_files::files_of_task(&task));
     files.extend(of_task.map_err(|error| LoadStep::Check.failed(error))?);

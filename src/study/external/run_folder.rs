@@ -74,16 +74,7 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
         let summary: SummaryOfOthers =
             serde_json::from_slice(&file.bytes).map_err(|error| file.error(error.to_string()))?;
         threshold = threshold.or(threshold_of(&file, &summary)?);
-        learners = summary.learners.map(Learners::new);
-        let last_agent = episodes.iter().map(|episode| episode.agent).max();
-        if learners
-            .as_ref()
-            .is_some_and(|learners| Some(learners.agents() as u32) <= last_agent)
-        {
-            return Err(file
-                .error("expected `learners` with the learner of each agent in `episodes.csv`")
-                .into());
-        }
+        learners = learners_of(&file, summary, &episodes)?;
         files.push(file.hash);
     } else {
         if run_folder.has_state_files() {
@@ -110,6 +101,23 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
     };
     let run = ReadRun::new(folder, path, files, result).with_warnings(warnings);
     Ok(ReadRun { has_rounds, ..run })
+}
+
+/// The learners that the summary names, if it does: one for each agent.
+fn learners_of(
+    file: &DataFile,
+    summary: SummaryOfOthers,
+    episodes: &[Episode],
+) -> Result<Option<Learners>, InputError> {
+    let learners = summary.learners.map(Learners::new);
+    let last_agent = episodes.iter().map(|episode| episode.agent).max();
+    match &learners {
+        Some(learners) if Some(learners.agents() as u32) <= last_agent => {
+            let message = "expected `learners` with the learner of each agent in `episodes.csv`";
+            Err(file.error(message))
+        }
+        _ => Ok(learners),
+    }
 }
 
 fn read_episodes(file: &DataFile) -> Result<Vec<Episode>, InputError> {

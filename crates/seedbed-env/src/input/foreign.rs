@@ -206,7 +206,7 @@ impl<'a> Place<'a> {
             ));
         }
         match token.text {
-            "{" => return self.braces(next),
+            "{" => return fields_in_braces(next),
             ")" | "]" | "}" => return self.unmatched_bracket(token),
             "+" | "*" | "/" | "^" | "%" => return Some(NO_ARITHMETIC.to_owned()),
             _ => {}
@@ -225,15 +225,6 @@ impl<'a> Place<'a> {
             }
             _ => number(token),
         }
-    }
-
-    /// Fields in braces.
-    fn braces(&self, first: Option<Token<'_>>) -> Option<String> {
-        let name = first.map(name).filter(|name| *name != "}")?;
-        Some(format!(
-            "write fields in parentheses: `({}: …)`",
-            shown(name)
-        ))
     }
 
     /// The brackets that are open before the place.
@@ -462,4 +453,13 @@ fn raw_string_length(text: &str) -> Option<usize> {
             .find(&end)
             .map_or(text.len(), |found| begin + found + end.len()),
     )
+}
+
+/// What to write instead of fields in braces.
+fn fields_in_braces(first: Option<Token<'_>>) -> Option<String> {
+    let name = first.map(name).filter(|name| *name != "}")?;
+    Some(format!(
+        "write fields in parentheses: `({}: …)`",
+        shown(name)
+    ))
 }

@@ -95,7 +95,7 @@ fn large_ratios_of_masses_are_reported_with_what_mends_them() {
     let mended = double_pendulum(1.0, 100.0, "(iterations: 19)", "");
     assert!(error_after(&mended, 1.0) < 0.006);
     assert_eq!(physics_warnings(&mended.into(), Physics::Rapier), [""; 0]);
-    let exact = r#"colliders: [(geom: Ball(center: (90.0, 0.0), radius: 1.0))],"#;
+    let exact = r"colliders: [(geom: Ball(center: (90.0, 0.0), radius: 1.0))],";
     let with_contacts = double_pendulum(1.0, 1000.0, "(iterations: 4)", exact);
     assert!(error_after(&with_contacts, 1.0) < 0.03);
     assert_eq!(
@@ -123,7 +123,7 @@ fn small_inertias_are_reported() {
             warnings,
         )
     };
-    let with_contacts = r#"colliders: [(geom: Ball(center: (90.0, 0.0), radius: 1.0))],"#;
+    let with_contacts = r"colliders: [(geom: Ball(center: (90.0, 0.0), radius: 1.0))],";
     let (exact, none) = angles(1e-12, with_contacts);
     let (near, none_either) = angles(1e-7, "");
     let (far, warnings) = angles(1e-12, "");

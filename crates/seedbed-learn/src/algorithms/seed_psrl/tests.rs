@@ -4,6 +4,7 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
+use crate::agent::planning::imagination::ImaginationBuffers;
 use crate::team::{Learner, LearningTiming};
 use seedbed_env::{Action, Quantity, Status};
 
@@ -277,7 +278,12 @@ fn stored_tensors_predict_what_agents_imagine() {
         discount: 1.0,
         hold: 1,
     };
-    imagination.compute_returns(&[x], &[push], &mut Default::default(), &mut returns);
+    imagination.compute_returns(
+        &[x],
+        &[push],
+        &mut ImaginationBuffers::default(),
+        &mut returns,
+    );
     let imagined = f64::from(returns[0]);
     assert!(
         (imagined - expected).abs() < 1e-4 * expected.abs(),

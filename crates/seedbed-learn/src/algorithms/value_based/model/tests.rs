@@ -86,7 +86,7 @@ impl Learner {
             earlier_updates: self.rounds,
         };
         self.rounds += 1;
-        let (own, mut bonuses) = (Vec::from_iter(0..episodes.len()), Vec::new());
+        let (own, mut bonuses) = ((0..episodes.len()).collect::<Vec<_>>(), Vec::new());
         self.model
             .update_bonus_model(&experience, &own, &mut bonuses);
         bonuses
