@@ -24,7 +24,7 @@ function orderOf(axis, value) {
 }
 
 /** The value with a number of `orderOf`. */
-function valueOf(axis, order) {
+function valueOfOrder(axis, order) {
   if (isWhole(axis)) return order;
   SINGLE_BITS[0] = order < 0 ? MINUS_ZERO - order : order;
   return SINGLE[0];
@@ -33,13 +33,13 @@ function valueOf(axis, order) {
 /** The smallest value that is not below a number. */
 function valueAtLeast(axis, number) {
   const value = isWhole(axis) ? Math.ceil(number) : Math.fround(number);
-  return value < number ? valueOf(axis, orderOf(axis, value) + 1) : value;
+  return value < number ? valueOfOrder(axis, orderOf(axis, value) + 1) : value;
 }
 
 /** The largest value that is not above a number. */
 function valueAtMost(axis, number) {
   const value = isWhole(axis) ? Math.floor(number) : Math.fround(number);
-  return value > number ? valueOf(axis, orderOf(axis, value) - 1) : value;
+  return value > number ? valueOfOrder(axis, orderOf(axis, value) - 1) : value;
 }
 
 /** The smallest value on an axis whose level is at least `level`. */
@@ -48,15 +48,15 @@ function firstValue(axis, level) {
   let first = orderOf(axis, valueAtMost(axis, axis.high)) + 1;
   while (first - before > 1) {
     const middle = Math.floor((before + first) / 2);
-    if (levelOf(axis, valueOf(axis, middle)) < level) before = middle;
+    if (levelOf(axis, valueOfOrder(axis, middle)) < level) before = middle;
     else first = middle;
   }
-  return valueOf(axis, first);
+  return valueOfOrder(axis, first);
 }
 
 /** Smallest and largest value of a brush; ±Infinity at an end of the axis, beyond which values count too. */
 function brushValues(axis, [low, high]) {
-  const last = (level) => valueOf(axis, orderOf(axis, firstValue(axis, level + 1)) - 1);
+  const last = (level) => valueOfOrder(axis, orderOf(axis, firstValue(axis, level + 1)) - 1);
   return [low <= 0 ? -Infinity : firstValue(axis, low), high >= MAX_LEVEL ? Infinity : last(high)];
 }
 
