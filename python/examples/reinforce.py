@@ -33,7 +33,7 @@ def train(folder, agents=4, episodes=150, step_size=2.0, sigma=0.5, run_seed=0, 
     """Train agents, record where they go, and return their returns: a list per agent."""
     environments = seedbed.make("cartpole", num_envs=agents, autoreset_mode="SameStep", max_episode_steps=200)
     ranges = np.array([quantity.range[1] for quantity in environments.task.observations])
-    environments = seedbed.RecordVisitationVector(environments, folder, overwrite=overwrite)
+    environments = seedbed.RecordVisitationVector(environments, folder, learners=range(agents), overwrite=overwrite)
     # The agent seeds: weights from which each agent starts.
     weights = np.stack([sigma * np.random.default_rng([run_seed, agent]).standard_normal(4) for agent in range(agents)])
     rng = np.random.default_rng(run_seed)

@@ -134,8 +134,8 @@ class Run:
 
     @property
     def agents(self) -> int:
-        """Number of agents K."""
-        return int(self.info["agents"])
+        """Number of agents K. Copies of an environment in which one learner acts count as agents."""
+        return int(self.info.get("copies") or self.info["agents"])
 
     @property
     def info(self) -> dict[str, Any]:

@@ -332,6 +332,7 @@ def arrays(observations: int, rewards: int = 3, terminated: int = 3, truncated: 
     )
 
 
+@pytest.mark.filterwarnings("ignore:explosion")
 def test_an_exploding_simulation_is_no_panic(tmp_path: Path):
     """A force that grows without bounds ends in numbers that are not finite, not in a crash."""
     task = seedbed.Task("hopper").text

@@ -411,7 +411,7 @@ def test_names_do_not_end_comments(model: Write) -> None:
     assert "\r" not in convert(model(FLOOR))
 
 
-@pytest.mark.parametrize("arguments", [["--frame-skip", "0"], ["--time-limit", "x"], ["-o", "no/such/folder"]])
+@pytest.mark.parametrize("arguments", [["--frame-skip", "0"], ["--time-limit", "x"], ["-o", "."]])
 def test_wrong_arguments(arguments: list[str], model: Write, capsys: pytest.CaptureFixture[str]) -> None:
     try:
         code: object = main([str(model(CART)), "--no-comparison", *arguments])
@@ -713,8 +713,9 @@ def test_welded_bodies_move_as_in_mujoco(model: Write) -> None:
     assert sum(own) == pytest.approx(float(conversion.source.data.crb[rod.index][1]), rel=1e-9)
     ours, theirs = free_motions(path, 5, 40, Start({"first": 0.3}, {"first": 1.0, "second": -2.0}))
     errors = [one.differences(theirs, 40)[0] for one in ours]
-    assert errors[2] < 0.01
-    assert errors[2] < 0.6 * errors[1] < 0.36 * errors[0]
+    # What remains is MuJoCo's own error, of its time step.
+    assert errors[2] < 0.001
+    assert errors[2] < 0.8 * errors[1] < 0.64 * errors[0]
 
 
 def world_point(body: Body) -> Array:

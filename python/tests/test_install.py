@@ -95,7 +95,7 @@ def test_the_command_gets_signals(installed: Path, tmp_path: Path):
             assert process.poll() is None and time.monotonic() < deadline
             time.sleep(0.05)
         process.send_signal(signal.SIGINT)
-        assert process.wait(60) == 1, "the program's own exit status of an interruption"
+        assert process.wait(60) == 128 + signal.SIGINT, "the program's own exit status of an interruption"
     finally:
         process.kill()
         process.wait()

@@ -63,7 +63,9 @@ def test_a_vector_environment_records_what_single_environments_record(tmp_path):
         recorded.step(row)
     recorded.close()
     for agent in range(copies):
-        with seedbed.RecordVisitation(seedbed.make("cartpole"), tmp_path / "single", agent=agent) as environment:
+        with seedbed.RecordVisitation(
+            seedbed.make("cartpole"), tmp_path / "single", agent=agent, learner=0
+        ) as environment:
             environment.reset(seed=7 + agent)
             for action in actions[:, agent]:
                 _, _, terminated, truncated, _ = environment.step(action)
