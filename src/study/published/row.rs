@@ -68,6 +68,10 @@ impl Row<'_> {
         let Some(value) = self.value::<f64>(name)? else {
             return Ok(None);
         };
+        // Earlier versions wrote the last value before the end of the run.
+        if self.ended_before(measure)? == Some(true) {
+            return Ok(None);
+        }
         let is_censored = measure.is_time() && !value.is_finite();
         let end = if measure == Measure::EnvStepsToSolve {
             "env_steps"
@@ -242,13 +246,16 @@ impl Row<'_> {
     /// Whether the run may lack a measure that other runs of its cell have: it ended before the episode
     /// at which it is measured.
     pub(super) fn may_lack(&self, measure: Measure) -> Result<bool, String> {
+        Ok(self.ended_before(measure)?.unwrap_or(true))
+    }
+
+    /// Whether the run ended before the episode of a measure; `None` if its episodes are unknown.
+    fn ended_before(&self, measure: Measure) -> Result<Option<bool>, String> {
+        let Some(needed) = measure.needed_episode() else {
+            return Ok(Some(false));
+        };
         let episodes: Option<u64> = self.value("episodes")?;
-        Ok(match measure {
-            Measure::At { episode, .. } | Measure::ReturnAt { episode, .. } => {
-                episodes.is_none_or(|episodes| episodes < u64::from(episode.get()))
-            }
-            _ => false,
-        })
+        Ok(episodes.map(|episodes| episodes < u64::from(needed)))
     }
 }
 
