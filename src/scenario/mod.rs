@@ -1,6 +1,6 @@
 //! Scenario files: environment, team, algorithm, schedule and end of a training run.
 //!
-//! [`load`] reads a file and applies overrides; [`Scenario::resolved`] prints a scenario with all
+//! [`overrides::parse`] reads a file, and `overrides::apply` replaces values; [`Scenario::resolved`] prints a scenario with all
 //! defaults. Must not depend on how scenarios are run.
 
 mod catalogue;
