@@ -33,7 +33,8 @@ def main(seedbed: str) -> None:
                 viewers.append((received, subprocess.Popen(connect, stdin=subprocess.DEVNULL)))
                 wait_for_data(received)
             run_process.send_signal(signal.SIGINT)
-            assert run_process.wait(timeout=60) == 1, "expected exit status 1 of an interrupted run"
+            interrupted = 128 + signal.SIGINT
+            assert run_process.wait(timeout=60) == interrupted, f"expected exit status {interrupted} of an interrupted run"
             for _, viewer in viewers:
                 # The run has told its viewers that no more data follow, so they write their files and end.
                 viewer.wait(timeout=60)
