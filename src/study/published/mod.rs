@@ -34,7 +34,7 @@ use crate::study::provenance::{format_build_id, parse_build_id};
 use crate::study::report::{self, column};
 use crate::study::results::{CellResults, Results, ResultsError};
 use crate::study::runner::Outcome;
-use crate::study::store::{self, StudyFolder};
+use crate::study::store::{self, ManifestCell, StudyFolder};
 use crate::text::from_spreadsheet_cell;
 use row::Row;
 
@@ -193,8 +193,10 @@ impl PublishedRuns {
     #[must_use]
     pub fn is_reproduced_by(&self, run: &PlannedRun<'_>, outcome: &Outcome) -> bool {
         let mut cells = self.study.cells.iter().filter(|cell| {
-            let name = &cell.description.name;
-            cell.description.digest == run.cell.digest && self.has_row(name, run.run_seed)
+            let ManifestCell { name, digest, .. } = &cell.description;
+            // Its own row in any case: the digest that is published may be another one.
+            let is_of_run = *name == run.cell.name || *digest == run.cell.digest;
+            is_of_run && self.has_row(name, run.run_seed)
         });
         self.contains(run) && cells.all(|cell| self.is_same(cell, run.run_seed, outcome))
     }
