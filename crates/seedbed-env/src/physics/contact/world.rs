@@ -59,16 +59,19 @@ impl FreeTurn {
     fn complete(&mut self, body: &mut RigidBody, parameters: &IntegrationParameters) {
         let substeps = parameters.num_solver_iterations as f32;
         let (first, last) = (self.spin, body.angvel());
+        let fastest = first.abs().max(last.abs());
+        let is_fast = fastest * (parameters.dt / substeps) > MAX_TURN_PER_SUBSTEP;
         let (mut turned, mut lacking) = (0.0, 0.0);
         for substep in 1..=parameters.num_solver_iterations {
             let spin = first + (last - first) * (substep as f32 / substeps);
             let turn = spin * (parameters.dt / substeps);
             turned += turn;
-            lacking += turn - libm::atanf(turn);
+            if is_fast {
+                lacking += turn - libm::atanf(turn);
+            }
         }
         self.angle += turned;
-        let fastest = first.abs().max(last.abs());
-        if fastest * (parameters.dt / substeps) > MAX_TURN_PER_SUBSTEP {
+        if is_fast {
             body.set_rotation(Rotation::new(lacking) * *body.rotation(), false);
         }
     }
