@@ -26,6 +26,7 @@ pub(super) fn dist() -> Result<(), String> {
     run_command(build.env("CARGO_ENCODED_RUSTFLAGS", flags_without_paths()))?;
     let target = target_folder();
     let program = target.join("release/seedbed");
+    check_paths(&program)?;
     let name = format!("seedbed-{}-{}", env!("CARGO_PKG_VERSION"), host()?);
     let folder = target.join("dist").join(&name);
     let _ = fs::remove_dir_all(&folder);
@@ -50,14 +51,27 @@ pub(super) fn dist() -> Result<(), String> {
     try_installation(&archive, &name)
 }
 
-/// Flags with which the paths in messages of panics do not begin with folders of this machine.
+/// Flags with which the paths in messages of panics do not begin with the folder of Cargo's packages. Flags of the
+/// caller stay: Cargo builds all dependencies again when they change.
 fn flags_without_paths() -> String {
+    std::env::var("CARGO_ENCODED_RUSTFLAGS")
+        .unwrap_or_else(|_| format!("--remap-path-prefix={}=cargo", cargo_home()))
+}
+
+fn cargo_home() -> String {
     let home = std::env::var("HOME").unwrap_or_default();
-    let cargo = std::env::var("CARGO_HOME").unwrap_or_else(|_| format!("{home}/.cargo"));
-    let remap = |from: &str, to: &str| format!("--remap-path-prefix={from}={to}");
-    let repository = repository_folder().display().to_string();
-    // The separator of this variable.
-    [remap(&cargo, "cargo"), remap(&repository, "seedbed")].join("\u{1f}")
+    std::env::var("CARGO_HOME").unwrap_or_else(|_| format!("{home}/.cargo"))
+}
+
+/// A program that is given away does not tell where it was built.
+fn check_paths(program: &Path) -> Result<(), String> {
+    let bytes = fs::read(program).map_err(|error| error.to_string())?;
+    for folder in [cargo_home(), repository_folder().display().to_string()] {
+        if bytes.windows(folder.len()).any(|part| part == folder.as_bytes()) {
+            return Err(format!("{} contains the path {folder}", program.display()));
+        }
+    }
+    Ok(())
 }
 
 /// Writes all files of the archive.
