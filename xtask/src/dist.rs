@@ -67,7 +67,10 @@ fn cargo_home() -> String {
 fn check_paths(program: &Path) -> Result<(), String> {
     let bytes = fs::read(program).map_err(|error| error.to_string())?;
     for folder in [cargo_home(), repository_folder().display().to_string()] {
-        if bytes.windows(folder.len()).any(|part| part == folder.as_bytes()) {
+        if bytes
+            .windows(folder.len())
+            .any(|part| part == folder.as_bytes())
+        {
             return Err(format!("{} contains the path {folder}", program.display()));
         }
     }
