@@ -62,6 +62,7 @@ use seedbed_env::TaskDescription;
 use seedbed_env::input::{self, Document, InputError};
 use seedbed_learn::agent::Tensor;
 use seedbed_learn::cancellation::Cancellation;
+use seedbed_settings::{Difference, Settings};
 
 /// A scenario and its task, read and checked: all that determines the results of a run.
 #[derive(Clone, Debug)]
@@ -511,25 +512,46 @@ fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
     let task = scenario::task_name(&stored.value.environment);
     let task_text = input::read_text(&folder.task_file(task))?;
     let stored_text = stored.value.beside_its_task(&plan.name, task).resolved();
-    let plan_text = plan.stored_scenario();
-    let differing_lines = stored_text
-        .lines()
-        .zip(plan_text.lines())
-        .find(|(stored, planned)| stored != planned);
-    let is_task_changed = task_text != plan.environment_text;
-    match differing_lines {
-        Some((stored, planned)) => Err(RunError::CannotResume(format!(
-            "the run in {} cannot be resumed with this scenario: the run has `{}`, the scenario has `{}`",
-            options.folder.path().display(),
-            stored.trim().trim_end_matches(','),
-            planned.trim().trim_end_matches(',')
-        ))),
-        None if is_task_changed => Err(RunError::CannotResume(format!(
-            "the task `{}` has changed since the run in {} began",
+    if let Some(difference) = first_difference(
+        &scenario_settings(&stored_text),
+        &scenario_settings(&plan.stored_scenario()),
+    ) {
+        return Err(RunError::CannotResume(format!(
+            "the run in {} cannot be resumed with this scenario: the run has {}, the scenario has {}",
+            folder.path().display(),
+            shown(&difference.path, difference.first),
+            shown(&difference.path, difference.second)
+        )));
+    }
+    let settings = seedbed_env::task_settings;
+    if let Some(difference) =
+        first_difference(&settings(&task_text), &settings(&plan.environment_text))
+    {
+        return Err(RunError::CannotResume(format!(
+            "the task `{}` has changed since the run in {} began: it had {}, it has {}",
             plan.description.spec().name,
-            options.folder.path().display()
-        ))),
-        None => Ok(()),
+            folder.path().display(),
+            shown(&difference.path, difference.first),
+            shown(&difference.path, difference.second)
+        )));
+    }
+    Ok(())
+}
+
+/// All values of the text of a scenario with all defaults.
+fn scenario_settings(text: &str) -> Settings {
+    Settings::of(text).expect("a resolved scenario is RON")
+}
+
+fn first_difference(stored: &Settings, planned: &Settings) -> Option<Difference> {
+    stored.differences(planned).into_iter().next()
+}
+
+/// A setting as it is written in files.
+fn shown(path: &str, value: Option<String>) -> String {
+    match value {
+        Some(value) => format!("`{path}: {value}`"),
+        None => format!("no `{path}`"),
     }
 }
 

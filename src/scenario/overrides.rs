@@ -5,10 +5,10 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 
 use super::synonyms;
-use seedbed_env::input::edit::{UnknownField, opening, replace_value};
 use seedbed_env::input::limits::MAX_OVERRIDE_BYTES;
 use seedbed_env::input::{self, Document, InputError, ValidationError, nearest_name, quoted_list};
 use seedbed_learn::algorithms::catalogue::Parameter;
+use seedbed_settings::{UnknownField, opening, replace};
 
 /// Number of characters of an override that is too long which its error shows.
 const SHOWN_CHARACTERS: usize = 40;
@@ -55,10 +55,10 @@ pub fn parse<T: Resolve>(path: &Path, text: &str) -> Result<Document<T>, InputEr
     parsed.map_err(|error| synonyms::explain::<T>(text, error))
 }
 
-/// What the value of a field begins with in the file with all defaults, such as `SeedPg(`; none if
+/// The name or value with which the value of a field begins in the file with all defaults, such as `SeedPg`; none if
 /// there is no such field.
 pub(super) fn opening_of<T: Resolve>(document: &Document<T>, path: &str) -> Option<String> {
-    opening(&document.value.resolved(), path)
+    opening(&document.value.resolved(), path).map(str::to_owned)
 }
 
 /// The file with values replaced, each by `path.to.field=value`.
@@ -129,7 +129,7 @@ pub(super) fn apply_value<T: Resolve>(
             let expected = "expected one value, such as 16 or Normal(sigma: 0.1)";
             invalid(path, format!("{expected}: {reason}"), None)
         })?;
-        let text = replace_value(&document.value.resolved(), path, value).map_err(|unknown| {
+        let text = replace(&document.value.resolved(), path, value).map_err(|unknown| {
             let (message, help) = explain(&unknown);
             invalid(path, message, help)
         })?;

@@ -22,6 +22,7 @@ pub mod experiment;
 pub mod external;
 pub mod figure;
 pub mod file;
+mod former_digests;
 pub mod gate;
 pub mod measure;
 pub mod merge;

@@ -13,13 +13,17 @@ use sha2::{Digest, Sha256};
 
 use super::external::{ExternalRuns, FileHash, SeenFiles};
 use super::file::{Claim, NamedCell, Study};
+use super::former_digests::FormerDigests;
 use super::plan::StudyPlan;
 use super::provenance;
 use super::results::{CellResults, Results};
-use super::store::{Manifest, ManifestCell, StoreError, StudyFolder, replace_file, to_json};
+use super::store::{
+    Manifest, ManifestCell, StoreError, StudyFolder, replace_file, shown_digits, to_json,
+};
 use crate::text::pluralize;
-use seedbed_env::input::InputError;
 use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, read_text};
+use seedbed_env::input::{self, InputError};
+use seedbed_settings::SCHEMA_VERSION;
 use seedbed_stats::family::FAMILY_LEVEL;
 
 /// Number of digits of an id that are shown.
@@ -48,13 +52,13 @@ pub struct Registered {
     /// Claims, as [`Claim::canonical_text`](super::file::Claim::canonical_text), followed by their
     /// texts.
     pub claims: Vec<String>,
-    /// Names of the cells, and hashes of everything on which their runs depend.
+    /// Version of the digests and hashes of settings; 0 for hashes of printed settings, as earlier versions wrote them.
+    // Not in the hash of those locks.
+    #[serde(default, skip_serializing_if = "is_former")]
+    pub settings_version: u32,
+    /// Names of the cells, and digests of everything on which their runs depend.
     pub cells: Vec<(String, String)>,
-    /// Names of the cells with a scenario, and SHA-256 of everything on which their runs depend.
-    // Not in the hash of locks of earlier versions, which lack them.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub cell_hashes: Vec<(String, String)>,
-    /// SHA-256 of the study file's values, so that no text and no figure can be changed.
+    /// SHA-256 of the study file's settings, so that no text and no figure can be changed.
     pub study_hash: String,
     /// SHA-256 of the descriptions of the cells in reports, apart from paths.
     pub descriptions_hash: String,
@@ -163,22 +167,24 @@ pub enum RegistrationError {
 impl Registered {
     /// What is registered of a study whose cells have these names and digests, by this build and
     /// without a history.
-    fn of(name: &str, study: &Study, cells: &[ManifestCell]) -> Self {
+    fn of(
+        name: &str,
+        (study, text): (&Study, &str),
+        cells: &[ManifestCell],
+        settings_version: u32,
+    ) -> Self {
         let claim = |claim: &Claim| format!("{} | {}", claim.canonical_text(study), claim.text);
         Self {
             study: name.to_owned(),
             level: FAMILY_LEVEL,
             looks: study.looks(),
             claims: study.claims.iter().map(claim).collect(),
+            settings_version,
             cells: cells
                 .iter()
                 .map(|cell| (cell.name.clone(), cell.digest.clone()))
                 .collect(),
-            cell_hashes: cells
-                .iter()
-                .filter_map(|cell| Some((cell.name.clone(), cell.sha256.clone()?)))
-                .collect(),
-            study_hash: sha256(study),
+            study_hash: hash_of_study(study, text, settings_version),
             descriptions_hash: sha256(&without_paths(study, cells)),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             commit: provenance::commit().map(str::to_owned),
@@ -195,7 +201,18 @@ impl Registered {
     }
 
     fn of_plan(plan: &StudyPlan) -> Self {
-        Self::of(&plan.name, plan.study(), &Manifest::of(plan).cells)
+        let cells = Manifest::of(plan).cells;
+        Self::of(&plan.name, study_of(plan), &cells, SCHEMA_VERSION)
+    }
+
+    /// What differs between this and a study, as sentences without a full stop.
+    fn differences_of_plan(&self, plan: &StudyPlan) -> Result<Vec<String>, StoreError> {
+        let mut cells = Manifest::of(plan).cells;
+        if self.settings_version == 0 {
+            cells = FormerDigests::beside(&plan.path)?.of_cells(cells);
+        }
+        let planned = Self::of(&plan.name, study_of(plan), &cells, self.settings_version);
+        Ok(self.differences(&planned))
     }
 
     /// What differs from `other` in claims, cells and looks, as sentences without a full stop.
@@ -224,8 +241,7 @@ impl Registered {
         }
         for (name, digest) in &self.cells {
             match other.cells.iter().find(|(other, _)| other == name) {
-                Some((_, other_digest))
-                    if other_digest == digest && self.has_hash_of(name, other) => {}
+                Some((_, other_digest)) if other_digest == digest => {}
                 Some(_) => differences.push(format!(
                     "the scenario, the task or the settings of cell `{name}` were changed"
                 )),
@@ -249,19 +265,6 @@ impl Registered {
             differences.push("the description of a cell was changed".to_owned());
         }
         differences
-    }
-}
-
-impl Registered {
-    /// Whether a cell has the same SHA-256 in `other`, if it has one here.
-    fn has_hash_of(&self, cell: &str, other: &Self) -> bool {
-        let find = |registered: &Self| {
-            let mut hashes = registered.cell_hashes.iter();
-            let found = hashes.find(|(name, _)| name == cell)?;
-            Some(found.1.clone())
-        };
-        let own = find(self);
-        own.is_none() || own == find(other)
     }
 }
 
@@ -290,6 +293,27 @@ impl RegisteredResults {
     }
 }
 
+/// SHA-256 of the values of a study file: of those that differ from their defaults or, in earlier versions, of all.
+fn hash_of_study(study: &Study, text: &str, settings_version: u32) -> String {
+    if settings_version == 0 {
+        return sha256(study);
+    }
+    input::settings_of::<Study>(text).digest(&[])
+}
+
+/// The study of a plan, and the text from which it was read.
+fn study_of(plan: &StudyPlan) -> (&Study, &str) {
+    (plan.study(), &plan.document.text)
+}
+
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde passes a reference"
+)]
+fn is_former(version: &u32) -> bool {
+    *version == 0
+}
+
 /// SHA-256 of the compact JSON of a value, in hexadecimal digits.
 fn sha256(value: &impl Serialize) -> String {
     let text = serde_json::to_string(value).expect("plain data always serializes");
@@ -302,7 +326,6 @@ fn without_paths(study: &Study, cells: &[ManifestCell]) -> Vec<ManifestCell> {
     let without_path = |cell: &ManifestCell| {
         let cell = ManifestCell {
             scenario: String::new(),
-            sha256: None,
             ..cell.clone()
         };
         let Some(named_cell) = study.external_cell(&cell.name) else {
@@ -373,8 +396,8 @@ impl Lock {
                 .unwrap_or_default(),
             ..Registered::of_plan(plan)
         };
-        if let Some(lock) =
-            earlier.filter(|lock| lock.registered.differences(&registered).is_empty())
+        if let Some(lock) = earlier
+            && lock.registered.differences_of_plan(plan)?.is_empty()
         {
             return Ok(lock);
         }
@@ -424,7 +447,7 @@ impl Lock {
     pub fn check(plan: &StudyPlan) -> Result<Self, RegistrationError> {
         let path = Self::path(&plan.path);
         let lock = Self::read(&path)?;
-        let differences = lock.registered.differences(&Registered::of_plan(plan));
+        let differences = lock.registered.differences_of_plan(plan)?;
         if differences.is_empty() {
             Ok(lock)
         } else {
@@ -572,7 +595,9 @@ fn broken(lock: &Lock, results: &Results) -> Vec<String> {
     if manifest.quick || Some(&manifest.repeats) != lock.registered.looks.last() {
         broken.push("The results say another number of runs per cell than the lock.".to_owned());
     }
-    let reported = Registered::of(&manifest.name, &results.study, &manifest.cells);
+    let version = lock.registered.settings_version;
+    let study = (&results.study, manifest.study.as_str());
+    let reported = Registered::of(&manifest.name, study, &manifest.cells, version);
     for difference in lock.registered.differences(&reported) {
         broken.push(format!(
             "The reported study differs from its lock: {difference}."
@@ -691,7 +716,7 @@ fn count_other_files(results: &Results, folder: &StudyFolder) -> usize {
             .zip(&run_seeds)
             .any(|(cell, run_seeds)| {
                 let run_seed = name
-                    .strip_prefix(&format!("{}-", cell.description.digest))
+                    .strip_prefix(&format!("{}-", shown_digits(&cell.description.digest)))
                     .and_then(|rest| rest.strip_suffix(".run"))
                     .and_then(|run_seed| run_seed.parse().ok());
                 run_seed.is_some_and(|run_seed| run_seeds.contains(&run_seed))
@@ -742,7 +767,7 @@ mod tests {
                 ("a".to_owned(), "0".to_owned()),
                 ("b".to_owned(), "1".to_owned()),
             ],
-            cell_hashes: vec![("a".to_owned(), "x".to_owned())],
+            settings_version: SCHEMA_VERSION,
             study_hash: String::new(),
             descriptions_hash: String::new(),
             version: "1".to_owned(),
@@ -805,22 +830,6 @@ mod tests {
                 "the cell `c` is not in the lock",
             ]
         );
-    }
-
-    /// Cells of locks of earlier versions have no SHA-256; one that is there must be equal.
-    #[test]
-    fn the_sha256_of_a_cell_must_be_that_of_the_lock() {
-        let locked = registered(&["p"], &[10]);
-        let differences =
-            ["the scenario, the task or the settings of cell `a` were changed".to_owned()];
-        for other in [vec![], vec![("a".to_owned(), "y".to_owned())]] {
-            let mut changed = locked.clone();
-            changed.cell_hashes = other;
-            assert_eq!(locked.differences(&changed), differences);
-        }
-        let mut earlier = locked.clone();
-        earlier.cell_hashes.clear();
-        assert_eq!(earlier.differences(&locked), [""; 0]);
     }
 
     #[test]

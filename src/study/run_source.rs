@@ -7,7 +7,6 @@ use super::experiment::{Experiment, RunControl, RunQueue, StopRule};
 use super::external::ExternalRuns;
 use super::measure::Measure;
 use super::run_result::RunResult;
-use crate::run::checksums;
 use seedbed_env::Quantity;
 
 /// Where the runs of a cell come from.
@@ -74,16 +73,6 @@ impl RunSource {
         match self {
             Self::Experiment(experiment) => experiment.digest(),
             Self::External(runs) => runs.digest(),
-        }
-    }
-
-    /// SHA-256, in hexadecimal digits, of what [`digest`](Self::digest) is a hash of; `None` for results
-    /// of others, which a lock describes itself.
-    #[must_use]
-    pub fn sha256(&self) -> Option<String> {
-        match self {
-            Self::Experiment(experiment) => Some(checksums::sha256(experiment.digest_input())),
-            Self::External(_) => None,
         }
     }
 

@@ -95,9 +95,6 @@ pub struct ManifestCell {
     pub name: String,
     /// Hash of everything on which its runs depend, except their run seeds.
     pub digest: String,
-    /// SHA-256 of everything that `digest` is a hash of. Earlier versions had none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sha256: Option<String>,
     /// Path of its scenario.
     pub scenario: String,
     /// Values that are replaced in the scenario, each as `path=value`.
@@ -113,6 +110,14 @@ pub struct ManifestCell {
     /// Results of others; `None` for a scenario.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub external: Option<ExternalCell>,
+}
+
+/// Number of digits of a digest in names of files.
+const SHOWN_DIGITS: usize = 16;
+
+/// The digits of a digest in names of files.
+pub(super) fn shown_digits(digest: &str) -> &str {
+    digest.get(..SHOWN_DIGITS).unwrap_or(digest)
 }
 
 impl StudyFolder {
@@ -185,10 +190,11 @@ impl StudyFolder {
         Ok(stored)
     }
 
-    /// Path of the result file of a run.
+    /// Path of the result file of a run: its name has the first digits of the digest, the file has all.
     #[must_use]
     pub fn result_file(&self, digest: &str, run_seed: u64) -> PathBuf {
-        self.runs_folder().join(format!("{digest}-{run_seed}.run"))
+        let name = format!("{}-{run_seed}.run", shown_digits(digest));
+        self.runs_folder().join(name)
     }
 
     /// What is known of a run.
@@ -264,7 +270,7 @@ impl StudyFolder {
     /// Number of result files of runs with this digest.
     #[must_use]
     pub fn count_runs(&self, digest: &str) -> usize {
-        let prefix = format!("{digest}-");
+        let prefix = format!("{}-", shown_digits(digest));
         self.result_file_names()
             .iter()
             .filter(|name| name.starts_with(&prefix))
@@ -538,7 +544,6 @@ impl Manifest {
         let cell = |cell: &super::plan::Cell| ManifestCell {
             name: cell.name.clone(),
             digest: cell.digest.clone(),
-            sha256: cell.source.sha256(),
             scenario: shown_path(&cell.scenario),
             overrides: cell.overrides.clone(),
             agents: cell.source.agents(),

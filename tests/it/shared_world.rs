@@ -17,6 +17,7 @@ use seedbed::study::run_result::RunResult;
 use seedbed::study::run_source::RunSource;
 use seedbed::study::runner::{self, FinishedRun};
 use seedbed::study::store::StudyFolder;
+use seedbed_settings::Settings;
 
 /// Number of first episodes whose visited states are sampled.
 const WINDOWS: [u32; 2] = [3, 1000];
@@ -306,8 +307,8 @@ impl Experiment for Panicking {
         self.inner.max_episodes()
     }
 
-    fn digest_input(&self) -> Vec<u8> {
-        self.inner.digest_input()
+    fn settings(&self) -> Settings {
+        self.inner.settings()
     }
 
     fn learning_cost(&self) -> f64 {

@@ -21,6 +21,7 @@ mod terrain;
 
 use std::path::Path;
 
+use seedbed_settings::Settings;
 use serde::Deserialize;
 
 pub use actuators::{ActuatorKind, ForceFrame};
@@ -459,6 +460,22 @@ pub fn load_from(
 /// Something in the text is wrong.
 pub fn parse(name: &str, origin: &str, text: String) -> Result<TaskDescription, InputError> {
     parse_merged(name, &MergedText::without_base(origin, text)?)
+}
+
+/// What identifies a task: the values of the text of a task file without those that have their defaults, and without
+/// the sentence for people.
+///
+/// # Panics
+/// If the text is not that of a task file.
+#[must_use]
+pub fn settings(text: &str) -> Settings {
+    let settings = match input::file_kind("", text) {
+        Ok(FileKind::TabularEnvironment) => {
+            input::settings_of::<tabular::file::TabularTaskFile>(text)
+        }
+        _ => input::settings_of::<TaskFile>(text),
+    };
+    settings.without("description")
 }
 
 fn parse_merged(name: &str, text: &MergedText) -> Result<TaskDescription, InputError> {

@@ -60,7 +60,7 @@ mod watch;
 pub use caught_panic::caught_panic;
 pub use description::TaskDescription;
 pub use environment::{build, build_dynamics};
-pub use file::{load, load_from, parse};
+pub use file::{load, load_from, parse, settings as task_settings};
 pub use trial::physics_warnings;
 pub use watch::PhysicsWarning;
 

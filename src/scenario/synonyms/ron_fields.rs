@@ -45,8 +45,7 @@ fn written(fields: &[Field], opening: impl Fn(&str) -> Option<String> + Copy) ->
     let field = |field: &Field| {
         let Field { name, .. } = field;
         if !field.fields.is_empty() {
-            let begin = opening(&field.path).unwrap_or_default();
-            let variant = begin.split('(').next().unwrap_or_default();
+            let variant = opening(&field.path).unwrap_or_default();
             return format!("{name}: {variant}({})", written(&field.fields, opening));
         }
         // Texts may come without quotes after `--set`.
@@ -96,7 +95,7 @@ mod tests {
     #[test]
     fn assignments_with_a_common_path_share_parentheses() {
         let assignments = ["agents.count=3", "algorithm.a.b=1", "algorithm.c=2"];
-        let opening = |path: &str| (path == "algorithm").then(|| "SeedPg(".to_owned());
+        let opening = |path: &str| (path == "algorithm").then(|| "SeedPg".to_owned());
         assert_eq!(
             nested(&assignments.map(str::to_owned), opening),
             "agents: (count: 3), algorithm: SeedPg(a: (b: 1), c: 2)"

@@ -19,6 +19,7 @@ use crate::record::RecorderFactory;
 use crate::run::ranks::Ranks;
 use crate::run::{Observer, Options, RunError};
 use seedbed_env::TaskSpec;
+use seedbed_settings::Settings;
 
 /// A scenario that was read and checked, and can be run with any run seed.
 pub trait Experiment: Debug + Send + Sync {
@@ -40,16 +41,13 @@ pub trait Experiment: Debug + Send + Sync {
     /// Maximum number of episodes per agent.
     fn max_episodes(&self) -> u32;
 
-    /// Everything on which runs depend, except their run seeds: the resolved scenario and the text of the
-    /// task's file.
-    fn digest_input(&self) -> Vec<u8>;
+    /// Everything on which runs depend, except their run seeds: the settings of the scenario and of its task that
+    /// differ from their defaults.
+    fn settings(&self) -> Settings;
 
-    /// Hash (16 hexadecimal digits) of [`digest_input`](Self::digest_input). Names of result files contain it.
+    /// SHA-256 (64 hexadecimal digits) of the [`settings`](Self::settings).
     fn digest(&self) -> String {
-        format!(
-            "{:016x}",
-            xxhash_rust::xxh64::xxh64(&self.digest_input(), 0)
-        )
+        self.settings().digest(&[])
     }
 
     /// Rough estimate of the work of learning per environment step, as a multiple of the work of

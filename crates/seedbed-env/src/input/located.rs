@@ -237,10 +237,19 @@ pub(super) fn deserialize<T: DeserializeOwned>(
     result
 }
 
-fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, InputError> {
-    let options = ron::Options::default()
+/// What a text is, without an explanation of what is wrong in it.
+pub(super) fn deserialize_silently<T: DeserializeOwned>(text: &str) -> Option<T> {
+    options().from_str(text).ok()
+}
+
+fn options() -> ron::Options {
+    ron::Options::default()
         .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES)
-        .with_recursion_limit(MAX_NESTING);
+        .with_recursion_limit(MAX_NESTING)
+}
+
+fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, InputError> {
+    let options = options();
     let located = |spanned: &ron::error::SpannedError, field: String| {
         located_error(origin, text, spanned, field)
     };

@@ -19,6 +19,7 @@ pub mod numbers;
 
 use std::path::Path;
 
+use seedbed_settings::Settings;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
 pub use builtin::{BuiltinFile, DiskAndBuiltin, is_builtin};
@@ -29,8 +30,8 @@ pub use files::{
 };
 pub use kind::{FileKind, file_kind};
 pub(crate) use kind::{after_first_word, block_comment_length};
-use located::deserialize;
 pub use located::{Document, Located, ValidationError};
+use located::{deserialize, deserialize_silently};
 pub use names::{nearest_name, quoted_list};
 
 /// Reads the RON file at `path`.
@@ -52,6 +53,17 @@ pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document
         text,
         value,
     })
+}
+
+/// The values of a text that is a `T`, without those that have their defaults.
+///
+/// # Panics
+/// If the text is not a `T`.
+#[must_use]
+pub fn settings_of<T: DeserializeOwned + PartialEq>(text: &str) -> Settings {
+    let value: T = deserialize_silently(text).expect("a text that was read before");
+    let is_same = |text: &str| deserialize_silently::<T>(text).is_some_and(|other| other == value);
+    Settings::without_defaults(text, is_same).expect("a text that was read before")
 }
 
 /// Checks that `text` is a single RON value, of any type.

@@ -471,7 +471,6 @@ mod tests {
         let mut cell = CellResults::without_runs(ManifestCell {
             name: "cell".to_owned(),
             digest: String::new(),
-            sha256: None,
             scenario: String::new(),
             overrides: Vec::new(),
             agents: 1,

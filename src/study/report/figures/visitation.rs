@@ -353,7 +353,6 @@ mod tests {
         CellResults::without_runs(ManifestCell {
             name: name.to_owned(),
             digest: String::new(),
-            sha256: None,
             scenario: String::new(),
             overrides: Vec::new(),
             agents: 1,
