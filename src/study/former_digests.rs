@@ -41,7 +41,7 @@ impl FormerDigests {
     }
 
     /// Path of the file of a study, such as `fig_6_1.ron.digests`.
-    fn path(study: &Path) -> PathBuf {
+    pub(super) fn path(study: &Path) -> PathBuf {
         study.with_added_extension("digests")
     }
 

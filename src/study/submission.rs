@@ -17,6 +17,7 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use super::completeness;
 use super::experiment;
+use super::former_digests::FormerDigests;
 use super::plan::StudyPlan;
 use super::published::{self, Builds};
 use super::registration::Lock;
@@ -180,9 +181,13 @@ fn check_results(results: &Results) -> Result<(), SubmissionError> {
     Ok(())
 }
 
-/// The study, its lock, and the scenarios and tasks that are not built in, sorted.
+/// The study, its lock with the digests of today, and the scenarios and tasks that are not built in, sorted.
 fn input_files(plan: &StudyPlan) -> Result<Vec<PathBuf>, SubmissionError> {
     let mut paths = vec![canonical(&plan.path)?, canonical(&Lock::path(&plan.path))?];
+    let digests = FormerDigests::path(&plan.path);
+    if digests.exists() {
+        paths.push(canonical(&digests)?);
+    }
     for cell in &plan.cells {
         if cell.source.external().is_some() {
             return Err(SubmissionError::External(cell.name.clone()));

@@ -66,6 +66,7 @@ fn library_crates_do_not_need_heavy_packages() {
             &["seedbed-figure", "seedbed-stats", "resvg"],
         ),
         ("seedbed-stats", &["seedbed-env", "ron", "rayon"]),
+        ("seedbed-settings", &["seedbed-env", "ron", "rayon"]),
         ("seedbed-figure", &["seedbed-env", "ron", "rayon"]),
     ] {
         let used = packages_in_tree(&["--package", package]);
