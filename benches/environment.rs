@@ -90,7 +90,7 @@ fn formulas(criterion: &mut Criterion) {
         .map(|(column, name)| Variable {
             name,
             column,
-            previous: None,
+            previous: Previous::Nowhere,
         })
         .collect();
     let mut table = ValueTable::new(3, COPIES);

@@ -10,7 +10,7 @@ use rapier2d::prelude::{
 use super::super::constraint::velocity_gain;
 use super::super::vector;
 use crate::description::{BodyTask, Drive, Joint, Servo, Softness};
-use crate::kinematics::{Link as TreeLink, Motion};
+use crate::kinematics::{Link as TreeLink, Motion, single_angle};
 
 /// All joints of one body.
 pub(super) struct JointGroup<'a> {
@@ -95,7 +95,7 @@ impl<'a> JointGroup<'a> {
             None => Rotation::IDENTITY,
         };
         let anchor = self.anchor();
-        let reference = Rotation::new(anchor.angle as f32);
+        let reference = Rotation::new(single_angle(anchor.angle));
         let mut joint = GenericJointBuilder::new(locked)
             .local_frame1(Pose::from_parts(
                 vector(anchor.anchor_in_parent) - vector(coms[0]),
@@ -110,7 +110,7 @@ impl<'a> JointGroup<'a> {
         for (&index, coordinate) in self.joints.iter().zip(coordinates) {
             if let Some(coordinate) = coordinate {
                 set_range(&self.task.joints[index], coordinate, self.task, &mut joint);
-                set_servo(servo_of(index, self.task), coordinate, &mut joint);
+                set_servo(index, coordinate, self.task, &mut joint);
             }
         }
         joint
@@ -134,11 +134,19 @@ fn set_range(
     }
 }
 
-fn set_servo(servo: Option<&Servo>, coordinate: RapierCoordinate, joint: &mut GenericJoint) {
-    let Some(servo) = servo else { return };
+fn set_servo(
+    index: usize,
+    coordinate: RapierCoordinate,
+    task: &BodyTask,
+    joint: &mut GenericJoint,
+) {
+    let Some(servo) = servo_of(index, task) else {
+        return;
+    };
     let axis = coordinate.axis;
     joint.set_motor_model(axis, MotorModel::ForceBased);
-    joint.set_motor(axis, 0.0, 0.0, servo.kp as f32, velocity_gain(servo));
+    let (kp, kv) = (servo.kp as f32, velocity_gain(servo, task));
+    joint.set_motor(axis, 0.0, 0.0, kp, kv);
     let max_force = servo.force_limit.map_or(f32::MAX, |force| force as f32);
     joint.set_motor_max_force(axis, max_force);
 }
