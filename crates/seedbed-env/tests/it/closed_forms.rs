@@ -172,6 +172,30 @@ fn soft_ends_of_slides_hold_any_load() {
     }
 }
 
+/// A load presses the soft end of a hinge in by its acceleration over ω², whatever the damping ratio.
+#[test]
+fn soft_ends_of_hinges_hold_loads_at_any_damping_ratio() {
+    for damping_ratio in [0.02, 0.1, 0.3, 0.354, 0.49, 0.5, 0.51, 1.0, 3.0] {
+        for solver in ["iterations: 4", "iterations: 3, searches: 7, passes: 3"] {
+            for kind in ["Hinge()", "Hinge(positive: Clockwise)"] {
+                let fields = format!(
+                    r#"solver: ({solver}), bodies: [(name: "a", mass: 2.0, inertia: 2.0)],
+                    joints: [(name: "x", parent: "world", child: "a", type: {kind}, force: "10", range: (-1.0, 1.0),
+                        range_softness: (natural_frequency: 2.0, damping_ratio: {damping_ratio:?}))],"#
+                );
+                let mut hinge = started(&fields, &[], &[]);
+                run(&mut *hinge, 1500);
+                let (position, _) = state(&*hinge, "x");
+                let expected = 5.0 / (TAU * 2.0).powi(2);
+                assert!(
+                    ((position - 1.0) / expected - 1.0).abs() < 1e-2,
+                    "{damping_ratio} {solver} {kind}: {position} rad, {expected} rad"
+                );
+            }
+        }
+    }
+}
+
 /// A damped spring of ω, ζ that is hit at v yields by v / ω exp(−ζ φ / s) with s = √(1 − ζ²), tan φ = s / ζ.
 #[test]
 fn soft_ends_of_slides_stop_any_speed() {

@@ -173,17 +173,20 @@ fn substep(task: &BodyTask) -> f64 {
 /// ω′ / (h ω′ + 2 ζ′) and c = 1 / (h ω′ (h ω′ + 2 ζ′)), a limit overshoots by (1 + c) / ω′² per
 /// acceleration, because the correction is removed from the velocities after each substep, and an
 /// overshoot shrinks at the rate e / (1 + c). Both are as desired for c = 1 / (2 ζ h ω), ω′ =
-/// ω √(1 + c), e = (1 + c) ω / (2 ζ).
+/// ω √(1 + c), e = (1 + c) ω / (2 ζ). Below ζ = 1/2, ζ′ is negative.
 fn range_spring(softness: Softness, substep: f64) -> SpringCoefficients<f32> {
     let frequency = TAU * softness.natural_frequency;
     let rate = frequency / (2.0 * softness.damping_ratio);
     let compliance = rate / (substep * frequency * frequency);
     let corrected_frequency = frequency * (1.0 + compliance).sqrt();
     let correction = rate * (1.0 + compliance);
-    let damping = (corrected_frequency / correction - substep * corrected_frequency) / 2.0;
+    let phase = substep * corrected_frequency;
+    let damping = (corrected_frequency / correction - phase) / 2.0;
+    // Near 0, single precision loses the digits of a difference: Rapier then computes without damping.
+    let is_small = damping < 0.0 && damping > -1e-3 * phase;
     SpringCoefficients {
         natural_frequency: (corrected_frequency / TAU) as f32,
-        damping_ratio: damping.max(0.0) as f32,
+        damping_ratio: if is_small { 0.0 } else { damping as f32 },
     }
 }
 
