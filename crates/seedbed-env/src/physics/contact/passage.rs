@@ -126,7 +126,8 @@ impl PassageWatch {
     }
 
     /// Looks at a suspect again in a later control step: the passage if the center of its core is behind
-    /// the obstacle, or in a half-space, which has no other side. The suspect is removed unless a part of it is still inside or behind.
+    /// the obstacle, or in a half-space, which has no other side. The suspect is removed unless a part of it
+    /// is still inside or behind.
     pub(super) fn confirm(
         &self,
         suspect: &mut Option<Suspect>,
