@@ -7,7 +7,7 @@ use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rand::RngExt;
-use seedbed_env::expression::{Evaluator, Type, ValueTable, Variable, compile};
+use seedbed_env::expression::{Evaluator, Previous, Type, ValueTable, Variable, compile};
 use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Action, Choice, Physics, Status, TaskDescription, build, build_dynamics, load};
 
@@ -90,7 +90,7 @@ fn formulas(criterion: &mut Criterion) {
         .map(|(column, name)| Variable {
             name,
             column,
-            previous: None,
+            previous: Previous::Nowhere,
         })
         .collect();
     let mut table = ValueTable::new(3, COPIES);

@@ -507,8 +507,8 @@ impl BodyTask {
 
     /// Whether a joint needs the coordinates of a multibody: it shares its child with another joint,
     /// has an armature that cannot be added to the child's own mass or inertia, because other joints
-    /// move the child along the coordinate as well, or is a hinge whose range has soft ends, which
-    /// yield too far without multibodies.
+    /// move the child along the coordinate as well, is a hinge whose range has soft ends, which
+    /// yield too far without multibodies, or has a spring or damper that would lock it without them.
     fn needs_multibody(&self, index: usize) -> bool {
         let joint = &self.joints[index];
         let is_hinge = |joint: &Joint| matches!(joint.kind, JointKind::Hinge { .. });
@@ -524,6 +524,46 @@ impl BodyTask {
         (has_other_joint && !self.is_on_rails(joint.child))
             || (has_rotor && moves_with_others)
             || (is_hinge(joint) && joint.range_softness.is_some())
+            || self.is_too_weak(joint.passive_forces.stiffness, joint.passive_forces.damping)
+    }
+
+    /// Whether Rapier takes a motor with these gains for a rigid one: it inverts the impulse per velocity of a
+    /// substep h, k h² + d h, and takes the inverses of numbers up to 1e-20 for 0.
+    #[must_use]
+    pub(crate) fn is_too_weak(&self, stiffness: f64, damping: f64) -> bool {
+        const MIN_GAIN: f64 = 1.001e-20;
+        let substep = self.substep();
+        let gain = (stiffness * substep + damping) * substep;
+        (stiffness > 0.0 || damping > 0.0) && gain < MIN_GAIN
+    }
+
+    /// Whether something acts along a direction that turns with the bodies, and nothing has to be searched for:
+    /// each substep is then a step of Rapier, which keeps forces and the directions of ropes.
+    #[must_use]
+    pub(crate) fn follows_turns(&self) -> bool {
+        let turns = |joint: &Joint| matches!(joint.kind, JointKind::Hinge { .. });
+        let is_turned = |index: usize| {
+            let joint = &self.joints[index];
+            let mut above =
+                std::iter::successors(self.joint_above(joint), |joint| self.joint_above(joint));
+            matches!(joint.kind, JointKind::Slide { .. }) && above.any(turns)
+        };
+        let actuators = self.actuators.iter().map(|actuator| actuator.drive);
+        let mut drives = actuators.chain(self.formula_forces.iter().map(|force| force.drive));
+        self.colliders.is_empty()
+            && (!self.ropes.is_empty()
+                || drives
+                    .any(|drive| matches!(drive, Drive::JointForce(joint) if is_turned(joint))))
+    }
+
+    /// Steps of Rapier per control step, and substeps of each, for so many searches for contacts.
+    #[must_use]
+    pub(crate) fn steps_and_substeps(&self, searches: u32) -> [u32; 2] {
+        if self.follows_turns() {
+            [searches * self.solver.substeps, 1]
+        } else {
+            [searches, self.solver.substeps]
+        }
     }
 
     /// Whether several servos drive the same joint.

@@ -11,7 +11,7 @@ mod operation;
 
 use std::ops::Range;
 
-pub use compile::{ExpressionError, RESERVED_NAMES, Variable, compile};
+pub use compile::{ExpressionError, Previous, RESERVED_NAMES, Variable, compile};
 use operation::Operation;
 
 /// What a formula computes.
@@ -277,7 +277,7 @@ mod tests {
             .map(|(index, &name)| Variable {
                 name: name.to_owned(),
                 column: index,
-                previous: (index < 2).then_some(3 + index),
+                previous: [Previous::Column(3), Previous::Column(4), Previous::NotHere][index],
             })
             .collect()
     }

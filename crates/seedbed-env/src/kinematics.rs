@@ -44,6 +44,16 @@ pub enum Motion {
     Weld,
 }
 
+/// An angle as an `f32`; one of more than a full turn without full turns, which would take its digits.
+#[must_use]
+pub fn single_angle(angle: f64) -> f32 {
+    if angle.abs() <= std::f64::consts::TAU {
+        return angle as f32;
+    }
+    let (sine, cosine) = libm::sincos(angle);
+    libm::atan2(sine, cosine) as f32
+}
+
 /// Position and velocity of a body's frame in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {

@@ -1,7 +1,10 @@
 //! Numbers of a task with which its physics is inaccurate, as far as they say so without a trial.
 
-use super::description::{BodyTask, Inertial, Joint, JointKind};
+use std::f64::consts::TAU;
+
+use super::description::{BodyTask, Collider, Inertial, Joint, JointKind};
 use super::kinematics::Frame;
+use super::physics::depth;
 
 /// What is inaccurate, where, and what to do.
 pub(super) fn warnings(task: &BodyTask) -> Vec<String> {
@@ -17,6 +20,7 @@ pub(super) fn warnings(task: &BodyTask) -> Vec<String> {
             .filter_map(|joint| small_inertia(joint, task)),
     );
     warnings.extend(joints.filter_map(|joint| spring(joint, task)));
+    warnings.extend(heavy_on_light(task));
     warnings
 }
 
@@ -43,24 +47,32 @@ fn swing(joint: &Joint, task: &BodyTask) -> Option<String> {
 /// A spring that is stiffer than substeps can follow, if its damper does not hide it.
 fn spring(joint: &Joint, task: &BodyTask) -> Option<String> {
     let passive = joint.passive_forces;
-    let (moving, anchor) = moving_parts(joint, task);
-    let arm = distance(moving.com, anchor);
-    let inertia = passive.armature
-        + match joint.kind {
-            JointKind::Hinge { .. } => moving.inertia + moving.mass * arm * arm,
-            JointKind::Slide { .. } => moving.mass,
-            JointKind::Weld => return None,
-        };
+    if joint.kind == JointKind::Weld {
+        return None;
+    }
+    let inertia = moved_inertia(joint, task);
     let is_overdamped = passive.damping.powi(2) >= 4.0 * passive.stiffness * inertia;
     let frequency = (passive.stiffness / inertia).sqrt();
     let what = format!("the spring of joint `{}`", joint.name);
     too_fast(&what, frequency, task).filter(|_| !is_overdamped)
 }
 
+/// Mass (kg) that a slide moves, or moment of inertia (kg m²) about a hinge of what it moves, with the
+/// armature.
+pub(super) fn moved_inertia(joint: &Joint, task: &BodyTask) -> f64 {
+    let (moving, anchor) = moving_parts(joint, task);
+    let arm = distance(moving.com, anchor);
+    let inertia = match joint.kind {
+        JointKind::Hinge { .. } => moving.inertia + moving.mass * arm * arm,
+        JointKind::Slide { .. } | JointKind::Weld => moving.mass,
+    };
+    joint.passive_forces.armature + inertia
+}
+
 fn too_fast(what: &str, frequency: f64, task: &BodyTask) -> Option<String> {
     let (substep, phase) = (task.substep(), frequency * task.substep());
     (phase > MAX_PHASE).then(|| {
-        let period = std::f64::consts::TAU / frequency;
+        let period = TAU / frequency;
         let times = (phase / MAX_PHASE).ceil();
         format!(
             "{what} has a period of {period:.2e} s, too fast for substeps of {substep:.2e} s, which damp it away: \
@@ -151,6 +163,66 @@ fn mass_ratio(joint: &Joint, task: &BodyTask) -> Option<String> {
             joint.name, parent.name
         )
     })
+}
+
+/// Maximum share of its thickness by which a body sinks into a lighter one.
+const MAX_SINK: f64 = 0.2;
+
+/// Maximum frequency of contacts times the time between two searches, above which heavy bodies shake on light
+/// ones.
+const MAX_PERIODS_PER_SEARCH: f64 = 1.5;
+
+/// Two free bodies of which the heavier sinks into the lighter one that is between it and something
+/// fixed. A contact is as stiff as the lighter body needs: under a body of r times its mass a box yields by 2 r g
+/// / (2 π f)² on each side (`tests/it/limits.rs`).
+fn heavy_on_light(task: &BodyTask) -> Option<String> {
+    let gravity = task.gravity[0].hypot(task.gravity[1]);
+    let frequencies = task
+        .contact_softness
+        .map_or([30.0, 60.0], |softness| [softness.natural_frequency; 2]);
+    let sink =
+        |[one, other]: [f64; 2]| 2.0 * gravity * ((TAU * one).powi(-2) + (TAU * other).powi(-2));
+    let pairs = task.colliders.iter().filter_map(|light| {
+        let heaviest = task
+            .colliders
+            .iter()
+            .filter_map(|heavy| Some((ratio_of_masses(light, heavy, task)?, heavy.body?)));
+        let (ratio, heavy) = heaviest.max_by(|one, other| one.0.total_cmp(&other.0))?;
+        let thickness = 2.0 * f64::from(depth(&light.surface));
+        Some((
+            ratio * sink(frequencies),
+            thickness,
+            ratio,
+            light.body?,
+            heavy,
+        ))
+    });
+    let worst = pairs.max_by(|one, other| (one.0 / one.1).total_cmp(&(other.0 / other.1)));
+    let (depth, thickness, ratio, light, heavy) =
+        worst.filter(|(depth, thickness, ..)| *depth > MAX_SINK * thickness)?;
+    let needed = (ratio * sink([1.0; 2]) / (MAX_SINK * thickness))
+        .sqrt()
+        .ceil();
+    let searches = (needed * task.spec.control_step / MAX_PERIODS_PER_SEARCH).ceil();
+    let [light, heavy] = [light, heavy].map(|body| &task.bodies[body].name);
+    Some(format!(
+        "body `{heavy}` has {ratio:.0} times the mass of body `{light}`: where it lies on it, contacts yield by \
+         {depth:.1e} m; expected masses more alike, or `contact_softness: (natural_frequency: {needed}, damping_ratio: 10)` \
+         with at least {searches} `solver.searches`"
+    ))
+}
+
+/// The ratio of the masses of two free bodies that can touch, of which the first is the lighter one.
+fn ratio_of_masses(light: &Collider, heavy: &Collider, task: &BodyTask) -> Option<f64> {
+    let (light_body, heavy_body) = (light.body?, heavy.body?);
+    let is_free = |body: usize| {
+        let mut joints = task.joints.iter();
+        task.free_bodies.contains(&body) && joints.all(|joint| joint.parent != Some(body))
+    };
+    let touches = light.contype & heavy.conaffinity != 0 || heavy.contype & light.conaffinity != 0;
+    let mass = |body: usize| task.bodies[body].inertial.mass;
+    let ratio = mass(heavy_body) / mass(light_body);
+    (is_free(light_body) && is_free(heavy_body) && touches && ratio > 1.0).then_some(ratio)
 }
 
 /// Minimum of a moment of inertia as a share of mass times squared distance of a joint, in tasks without

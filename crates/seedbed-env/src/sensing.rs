@@ -187,7 +187,16 @@ impl SensorReader {
 fn wrap(wrapped: &mut [f32], angles: &[f32]) {
     for (wrapped, &angle) in wrapped.iter_mut().zip(angles) {
         *wrapped = angle - TAU * ((angle - PI) / TAU).ceil();
+        if *wrapped <= -PI || *wrapped > PI {
+            *wrapped = wrap_far(angle);
+        }
     }
+}
+
+/// Removes the full turns of an angle whose multiples of 2π an `f32` rounds by too much.
+fn wrap_far(angle: f32) -> f32 {
+    let turned = f64::from(angle).rem_euclid(std::f64::consts::TAU) as f32;
+    if turned > PI { turned - TAU } else { turned }
 }
 
 fn depends_on_frames(measurement: &Measurement) -> bool {

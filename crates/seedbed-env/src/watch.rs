@@ -2,7 +2,7 @@
 //! ranges, and bodies that pass surfaces. It never changes the motion.
 
 use super::Status;
-use super::description::{BodyTask, Joint, JointKind, Measurement};
+use super::description::{BodyTask, Joint, JointKind, Measurement, Surface};
 use super::dynamics::{Dynamics, Passage};
 
 /// The first thing in an episode that its physics cannot have computed well.
@@ -169,21 +169,34 @@ fn passage_text(passage: &Passage, task: &BodyTask) -> String {
     let surfaces = [passage.mover, passage.obstacle];
     let [mover, obstacle] = surfaces.map(|index| collider_text(index, task));
     let update = task.spec.control_step / f64::from(task.solver.contact_updates);
-    let body = task.colliders[passage.mover].body;
+    let help = passage_help(passage, task);
+    format!(
+        "{mover} passed {obstacle}: they moved {:.2} m in the {update} s between two searches for contacts; raise \
+         `solver.searches`{help}",
+        passage.moved
+    )
+}
+
+/// What helps against a passage beside more searches: what to make thicker, and `ccd` if that helps.
+fn passage_help(passage: &Passage, task: &BodyTask) -> &'static str {
+    let [mover, obstacle] = [passage.mover, passage.obstacle].map(|index| &task.colliders[index]);
+    let has_ccd = |body: Option<usize>| body.is_some_and(|body| task.bodies[body].ccd);
     let is_free = |body: usize| {
         let mut joints = task.joints.iter();
         task.free_bodies.contains(&body) && joints.all(|joint| joint.parent != Some(body))
     };
-    let ccd = if body.is_some_and(|body| is_free(body) && !task.bodies[body].ccd) {
-        ", or `ccd: true` for the body"
-    } else {
-        ""
-    };
-    format!(
-        "{mover} passed {obstacle}: they moved {:.2} m in the {update} s between two searches for contacts; raise \
-         `solver.searches`, make them thicker{ccd}",
-        passage.moved
-    )
+    if matches!(obstacle.surface, Surface::HalfSpace { .. }) {
+        return " or make the body thicker; `ccd` does not see half-spaces";
+    }
+    match (has_ccd(mover.body), has_ccd(obstacle.body)) {
+        (true, true) => {
+            ", make them thicker, or remove `ccd` of one of the two: bodies that both have it do not see each other"
+        }
+        (false, _) if mover.body.is_some_and(is_free) => {
+            ", make them thicker, or `ccd: true` for the body"
+        }
+        _ => ", make them thicker",
+    }
 }
 
 /// A collider in a message: by its name, or by its body.

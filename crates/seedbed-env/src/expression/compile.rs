@@ -17,8 +17,19 @@ pub struct Variable {
     pub name: String,
     /// Column of its current value.
     pub column: usize,
-    /// Column of its value before the step, which `previous(name)` reads. Actions have none.
-    pub previous: Option<usize>,
+    /// Where `previous(name)` reads its value before the step.
+    pub previous: Previous,
+}
+
+/// The value of a name before the step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Previous {
+    /// It is in this column.
+    Column(usize),
+    /// Only other formulas can read it: those of rewards and ends of episodes.
+    NotHere,
+    /// There is none: it is an action, or a number that is drawn.
+    Nowhere,
 }
 
 /// What is wrong with a formula, and where.
@@ -213,15 +224,18 @@ impl Compiler<'_> {
         else {
             return Err(self.unknown_name(&name.to_string(), name.span()));
         };
-        let column = variable.previous.ok_or_else(|| {
-            let message = "only `reward` and `terminated` can read the values of observations and \
-                           sensors before the step";
-            error(
-                name.span(),
-                format!("`previous({name})` is not available here: {message}"),
-            )
-        })?;
-        Ok((Value::Variable(column), Type::Number))
+        let message = match variable.previous {
+            Previous::Column(column) => return Ok((Value::Variable(column), Type::Number)),
+            Previous::NotHere => {
+                "is not available here: only `reward` and `terminated` can read the values of \
+                 observations and sensors before the step"
+            }
+            Previous::Nowhere => {
+                "does not exist: only observations and sensors have a value before the step"
+            }
+        };
+        let text = format!("`previous({name})` {message}");
+        Err(error(name.span(), text))
     }
 
     /// Both branches are computed and one result is taken, which is possible because formulas have

@@ -151,17 +151,12 @@ impl Resolver<'_> {
     /// the motor of Rapier's multibody joint, and a joint has only one motor. Elsewhere each servo
     /// is a constraint of its own.
     pub(super) fn check_servos(&self, task: &BodyTask) -> Result<(), ValidationError> {
+        self.check_gains(task)?;
         if !task.needs_own_worlds() {
             return Ok(());
         }
         let mut joints_with_servo: Vec<&str> = Vec::new();
-        for actuator in &self.file.actuators {
-            let (ActuatorKind::VelocityServo { joint, .. }
-            | ActuatorKind::PositionServo { joint, .. }
-            | ActuatorKind::SpeedMotor { joint, .. }) = &actuator.kind
-            else {
-                continue;
-            };
+        for joint in self.file.actuators.iter().filter_map(servo_joint) {
             if joints_with_servo.contains(&joint.as_str()) {
                 return Err(joint.error(format!(
                     "joint `{}` already has a servo: in a task with contacts a joint takes only one",
@@ -171,6 +166,35 @@ impl Resolver<'_> {
             joints_with_servo.push(joint.as_str());
         }
         Ok(())
+    }
+
+    /// Checks that no servo is so weak that the solver would take it for a rigid one.
+    fn check_gains(&self, task: &BodyTask) -> Result<(), ValidationError> {
+        for (actuator, described) in self.file.actuators.iter().zip(&task.actuators) {
+            let (Some(joint), Drive::Servo(servo)) = (servo_joint(actuator), described.drive)
+            else {
+                continue;
+            };
+            if task.is_too_weak(servo.kp, servo.kv) {
+                return Err(joint.error(format!(
+                    "the servo of joint `{}` is too weak for single precision: expected kp h² + kv h of at least 1e-20 in \
+                     a substep h of {:e} s",
+                    joint.as_str(),
+                    task.substep()
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The joint that a servo drives; `None` of other actuators.
+fn servo_joint(actuator: &Actuator) -> Option<&Located<String>> {
+    match &actuator.kind {
+        ActuatorKind::VelocityServo { joint, .. }
+        | ActuatorKind::PositionServo { joint, .. }
+        | ActuatorKind::SpeedMotor { joint, .. } => Some(joint),
+        _ => None,
     }
 }
 

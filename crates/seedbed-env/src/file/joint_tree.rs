@@ -88,6 +88,10 @@ fn check_softness_of_same_child(
     }
 }
 
+/// Maximum cosine of the angle between two axes that count as perpendicular. With six digits each, it is at
+/// most 1.5e-6.
+const MAX_COSINE: f64 = 2e-6;
+
 /// A body may have up to two slides with perpendicular axes, then a hinge.
 fn check_kinds_of_same_child(joint: &Joint, same_child: &[&Joint]) -> Result<(), ValidationError> {
     let axis = |joint: &Joint| match *joint.kind {
@@ -99,7 +103,7 @@ fn check_kinds_of_same_child(joint: &Joint, same_child: &[&Joint]) -> Result<(),
         (Some([_] | [_, _]), JointKind::Hinge { .. }) => true,
         (Some([[x, y]]), JointKind::Slide { axis }) => {
             let [other_x, other_y] = axis.get();
-            (x * other_x + y * other_y).abs() < 1e-9
+            (x * other_x + y * other_y).abs() < MAX_COSINE
         }
         _ => false,
     };

@@ -1,6 +1,6 @@
 //! Further properties of joints: ranges, passive forces, formula forces, and start coordinates.
 
-use super::resolve::{Resolver, find_index, formula};
+use super::resolve::{MAX_MASS, Resolver, find_index, formula};
 use super::{Distribution, Force, ForceFrame, Joint, JointKind, StartCoordinate, Vector};
 use crate::description::{self, Drive, PassiveForces};
 use crate::expression::Type;
@@ -44,6 +44,15 @@ impl Joint {
         }
         if let (Some(springref), None) = (&self.springref, &self.stiffness) {
             return Err(springref.error("`springref` needs a spring: add a `stiffness`"));
+        }
+        if let Some(armature) = self
+            .armature
+            .as_ref()
+            .filter(|value| value.get() > MAX_MASS)
+        {
+            return Err(armature.error(format!(
+                "single precision cannot compute with such an armature: expected at most {MAX_MASS:e} kg or kg m²"
+            )));
         }
         let number =
             |value: &Option<Located<NonNegative>>| value.as_ref().map_or(0.0, |value| value.get());

@@ -8,7 +8,7 @@ use super::surfaces::shape;
 use super::{AnalyticModel, Body, DrawnNumber, Fluid, Geom, Name, Observation, Softness, TaskFile};
 use crate::analytic;
 use crate::description::{self, BodyTask, ColumnLayout, Formulas, Inertial};
-use crate::expression::{Program, Type, Variable, compile};
+use crate::expression::{Previous, Program, Type, Variable, compile};
 use crate::input::numbers::{FiniteNumber, Positive};
 use crate::input::{Located, ValidationError};
 use crate::{
@@ -325,7 +325,7 @@ impl<'a> Resolver<'a> {
             .map(|(index, sensor)| Variable {
                 name: sensor.name.value().as_ref().to_owned(),
                 column: self.columns.first_sensor() + index,
-                previous: Some(self.columns.first_previous_value() + index),
+                previous: Previous::Column(self.columns.first_previous_value() + index),
             })
             .collect()
     }
@@ -337,7 +337,7 @@ impl<'a> Resolver<'a> {
             .map(|(column, number)| Variable {
                 name: number.name.value().as_ref().to_owned(),
                 column,
-                previous: None,
+                previous: Previous::Nowhere,
             })
             .collect()
     }
@@ -357,10 +357,10 @@ impl<'a> Resolver<'a> {
     /// forces depend only on the current state.
     pub(super) fn state_variables(&self) -> Vec<Variable> {
         let mut variables = self.drawn_variables();
-        variables.extend(self.sensor_variables());
-        for variable in &mut variables {
-            variable.previous = None;
-        }
+        variables.extend(self.sensor_variables().into_iter().map(|sensor| Variable {
+            previous: Previous::NotHere,
+            ..sensor
+        }));
         variables
     }
 
@@ -371,7 +371,7 @@ impl<'a> Resolver<'a> {
             .map(|(index, actuator)| Variable {
                 name: actuator.name.value().as_ref().to_owned(),
                 column: self.columns.first_action() + index,
-                previous: None,
+                previous: Previous::Nowhere,
             })
             .collect()
     }
@@ -386,7 +386,7 @@ impl<'a> Resolver<'a> {
             .map(|(index, observation)| Variable {
                 name: observation.name.value().as_ref().to_owned(),
                 column: self.columns.first_observation() + index,
-                previous: Some(first_previous_observation + index),
+                previous: Previous::Column(first_previous_observation + index),
             })
             .collect();
         for variable in [self.sensor_variables(), self.drawn_variables()].concat() {
@@ -566,18 +566,22 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> 
             body.name.as_ref()
         )));
     }
-    // The solver divides by both.
     for (quantity, number, unit) in [("mass", mass, "kg"), ("inertia", inertia, "kg m²")] {
-        if !is_single(1.0 / number) {
+        if number > MAX_MASS {
             return Err(body.name.error(format!(
-                "body `{}` has the {quantity} {number:e} {unit}, with which nothing moves it in single precision: \
-                 expected less than 8e37 {unit}",
+                "body `{}` has the {quantity} {number:e} {unit}, with which single precision cannot compute: expected at \
+                 most {MAX_MASS:e} {unit}; what nothing moves is one of the task's `colliders`, or a body with a `Weld` \
+                 to the world",
                 body.name.as_ref()
             )));
         }
     }
     Ok(Inertial { mass, com, inertia })
 }
+
+/// Maximum mass of a body, kg, and moment of inertia, kg m². Rapier takes inverse masses below 1e-20 for 0,
+/// also those about joints that are 100 m away.
+pub(super) const MAX_MASS: f64 = 1e15;
 
 /// Whether a number above 0 keeps its precision as an `f32`.
 fn is_single(number: f64) -> bool {

@@ -8,6 +8,7 @@ use crate::description::{self, Surface};
 use crate::input::limits::MAX_POINTS;
 use crate::input::numbers::{FiniteNumber, Fraction, Length, NonNegative};
 use crate::input::{Located, ValidationError};
+use crate::kinematics::single_angle;
 use crate::{Shape, caught_panic, physics};
 
 /// A shape that can touch other shapes.
@@ -315,7 +316,7 @@ pub(super) fn shape(geom: &Geom) -> Shape {
         } => Shape::Box {
             center: to_f32(center.get()),
             half_size: [width.get_f32(), height.get_f32()],
-            angle: angle.map_or(0.0, FiniteNumber::get_f32),
+            angle: angle.map_or(0.0, |angle| single_angle(angle.get())),
         },
         Geom::Capsule { from, to, radius } => Shape::Capsule {
             from: to_f32(from.get()),

@@ -6,7 +6,7 @@ use super::resolve::{Resolver, check_unique, formula, resolved};
 use super::surfaces::FARTHEST;
 use super::{DrawnNumber, Name};
 use crate::description;
-use crate::expression::{Type, Variable};
+use crate::expression::{Previous, Type, Variable};
 use crate::input::limits::short_list;
 use crate::input::numbers::{Count, FiniteNumber, Length};
 use crate::input::{Located, ValidationError};
@@ -112,6 +112,6 @@ fn add_variable(name: &str, variables: &mut Vec<Variable>) {
     variables.push(Variable {
         name: name.to_owned(),
         column: variables.len(),
-        previous: None,
+        previous: Previous::Nowhere,
     });
 }

@@ -87,8 +87,10 @@ impl Batch {
     ) {
         self.enable_live_copies(template);
         if self.live.contains(&true) {
-            self.apply_controls(first_copy, controls, columns.copies(), template);
-            self.world.step();
+            for _ in 0..template.steps {
+                self.apply_controls(first_copy, controls, columns.copies(), template);
+                self.world.step();
+            }
             self.stop_at_walls(template);
             self.read_joints(first_copy, columns, template);
         }
@@ -200,12 +202,21 @@ fn empty_world(task: &BodyTask) -> PhysicsWorld {
     // Nobody reads the counters, and counting visits every color of contacts.
     world.physics_pipeline.counters.disable();
     let parameters = &mut world.integration_parameters;
-    parameters.dt = task.spec.control_step as f32;
-    parameters.num_solver_iterations = task.solver.substeps as usize;
+    let [steps, substeps] = task.steps_and_substeps(1);
+    parameters.dt = task.spec.control_step as f32 / steps as f32;
+    parameters.num_solver_iterations = substeps as usize;
     parameters.num_internal_pgs_iterations = task.solver.solver_iterations as usize;
     parameters.num_internal_stabilization_iterations = 0;
     parameters.max_ccd_substeps = 0;
     parameters.normalized_max_linear_velocity = f32::MAX;
+    // Soft ends push back as springs do, however far they are pressed in.
+    if task
+        .joints
+        .iter()
+        .any(|joint| joint.range_softness.is_some())
+    {
+        parameters.normalized_max_corrective_velocity = f32::MAX;
+    }
     world
 }
 

@@ -9,6 +9,7 @@ use rapier2d::prelude::{
 
 use super::joint::RapierJoint;
 use crate::description::{BodyTask, Joint, Servo, ServoTarget, Softness, Solver};
+use crate::parameters::moved_inertia;
 
 /// A constraint along the coordinate of a joint.
 pub(super) struct CoordinateConstraint {
@@ -31,7 +32,7 @@ impl CoordinateConstraint {
             let effects = [
                 range(described, joint, task),
                 spring(described),
-                friction(described),
+                friction(described, task),
             ];
             constraints.extend(effects.into_iter().flatten().map(|effect| Self {
                 joint: index,
@@ -42,11 +43,11 @@ impl CoordinateConstraint {
     }
 
     /// A motor whose target is set by [`set_target`](Self::set_target).
-    pub(super) fn servo(servo: &Servo) -> Self {
+    pub(super) fn servo(servo: &Servo, task: &BodyTask) -> Self {
         let force_limit = servo.force_limit.map_or(f32::MAX, |force| force as f32);
         let motor = JointMotor {
             stiffness: servo.kp as f32,
-            damping: velocity_gain(servo),
+            damping: velocity_gain(servo, task),
             max_force: force_limit,
             ..FORCE_BASED_MOTOR
         };
@@ -146,15 +147,20 @@ pub(super) fn spring_coefficients(softness: Softness) -> SpringCoefficients<f32>
 }
 
 /// The velocity gain of a servo, N s/m or N m s/rad.
-pub(super) fn velocity_gain(servo: &Servo) -> f32 {
+pub(super) fn velocity_gain(servo: &Servo, task: &BodyTask) -> f32 {
     match servo.target {
-        ServoTarget::Speed { .. } => STOPPING_DAMPING,
+        ServoTarget::Speed { .. } => stopping_damping(&task.joints[servo.joint], task),
         ServoTarget::Position | ServoTarget::Velocity => servo.kv as f32,
     }
 }
 
-/// A damping so strong that a joint reaches its velocity within a substep.
-const STOPPING_DAMPING: f32 = 1e12;
+/// A damping so strong that a joint reaches its velocity within a substep: it stops what it moves within a
+/// microsecond.
+fn stopping_damping(joint: &Joint, task: &BodyTask) -> f32 {
+    const MIN_DAMPING: f64 = 1e12;
+    const STOPPING_RATE: f64 = 1e6;
+    (STOPPING_RATE * moved_inertia(joint, task)).max(MIN_DAMPING) as f32
+}
 
 /// A motor whose gains are forces; by default Rapier's are accelerations.
 const FORCE_BASED_MOTOR: JointMotor = JointMotor {
@@ -207,10 +213,10 @@ fn spring(joint: &Joint) -> Option<Effect> {
 
 /// Dry friction: a damper so strong that it stops the joint within a substep, whose force is
 /// limited to the friction.
-fn friction(joint: &Joint) -> Option<Effect> {
+fn friction(joint: &Joint, task: &BodyTask) -> Option<Effect> {
     let max_force = joint.passive_forces.frictionloss as f32;
     (max_force > 0.0).then_some(Effect::Motor(JointMotor {
-        damping: STOPPING_DAMPING,
+        damping: stopping_damping(joint, task),
         max_force,
         ..FORCE_BASED_MOTOR
     }))

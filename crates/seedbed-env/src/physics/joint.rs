@@ -10,7 +10,7 @@ use rapier2d::prelude::{
 
 use super::constraint::{HINGE_AXIS, SLIDE_AXIS};
 use super::vector;
-use crate::kinematics::{Link, Motion};
+use crate::kinematics::{Link, Motion, single_angle};
 
 /// A joint of a task as Rapier represents it.
 pub(super) struct RapierJoint {
@@ -46,7 +46,7 @@ impl RapierJoint {
     /// `walls`: the range of a joint whose child is no joint's parent. On a rail it needs no
     /// constraint: the body is stopped directly.
     pub(super) fn new(link: &Link, walls: Option<[f64; 2]>) -> Self {
-        let reference = Rotation::new(link.angle as f32);
+        let reference = Rotation::new(single_angle(link.angle));
         let (anchor_in_parent, anchor_in_child) =
             (vector(link.anchor_in_parent), vector(link.anchor_in_child));
         let representation = match link.motion {

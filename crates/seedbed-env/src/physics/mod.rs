@@ -22,6 +22,7 @@ use self::batch::Batch;
 use self::body::{Rotor, SavedBody};
 use self::constraint::CoordinateConstraint;
 pub use self::contact::ContactWorlds;
+pub(crate) use self::contact::depth;
 pub use self::geometry::Geometry;
 pub(crate) use self::geometry::check_surface;
 use self::joint::RapierJoint;
@@ -63,6 +64,8 @@ struct CopyTemplate {
     pushed_bodies: Vec<usize>,
     /// Whether forces on bodies depend on more than the controls.
     pushes_depend_on_poses: bool,
+    /// Steps of Rapier per control step.
+    steps: u32,
     /// Centers of mass in the bodies' frames.
     coms: Vec<[f64; 2]>,
 }
@@ -293,9 +296,13 @@ impl CopyTemplate {
             pushes_depend_on_poses: control_inputs
                 .iter()
                 .any(|input| input.is_force() && joints[input.joint].push_depends_on_poses()),
+            steps: task.steps_and_substeps(1)[0],
             joints,
             control_inputs,
-            servos: servos.iter().map(CoordinateConstraint::servo).collect(),
+            servos: servos
+                .iter()
+                .map(|servo| CoordinateConstraint::servo(servo, task))
+                .collect(),
             rotors: (0..task.bodies.len())
                 .map(|body| Rotor::of_body(task, body))
                 .collect(),

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod broken_envs;
+mod closed_forms;
 mod contacts;
 mod contract;
 mod environments_page;

@@ -2,15 +2,16 @@
 //! starts from a copy of them.
 
 use rapier2d::prelude::{
-    CoefficientCombineRule, Collider, ColliderBuilder, ColliderHandle, ColliderSet, Group,
-    ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode, MassProperties,
-    MultibodyIndex, MultibodyJointSet, Pose, RigidBody, RigidBodyBuilder, RigidBodyHandle,
-    RigidBodySet, Vector,
+    ActiveHooks, CoefficientCombineRule, Collider, ColliderBuilder, ColliderHandle, ColliderSet,
+    Group, ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode,
+    MassProperties, MultibodyIndex, MultibodyJointSet, Pose, RigidBody, RigidBodyBuilder,
+    RigidBodyHandle, RigidBodySet, Vector,
 };
 
 use super::super::constraint::spring_coefficients;
 use super::super::geometry::{PlacedShape, TOLERANCE};
 use super::super::vector;
+use super::bounce::LINKED;
 use super::fluid::FluidBody;
 use super::joint_group::JointGroup;
 use super::link::{ControlInput, Link, Root};
@@ -23,7 +24,7 @@ pub(super) struct WorldTemplate {
     pub(super) gravity: Vector,
     pub(super) parameters: IntegrationParameters,
     /// Steps of Rapier per control step.
-    pub(super) contact_updates: u32,
+    pub(super) steps: u32,
     pub(super) bodies: RigidBodySet,
     pub(super) colliders: ColliderSet,
     pub(super) multibody_joints: MultibodyJointSet,
@@ -71,7 +72,7 @@ impl WorldTemplate {
         Self {
             gravity: vector(task.gravity),
             parameters: parameters(task),
-            contact_updates: task.solver.contact_updates,
+            steps: task.steps_and_substeps(task.solver.contact_updates)[0],
             roots: task
                 .free_bodies
                 .iter()
@@ -117,14 +118,15 @@ fn prediction_distance(task: &BodyTask, dt: f32) -> f32 {
 /// multibodies without updating their coordinates; bodies must be slow enough, or walls thick
 /// enough, to do without it.
 fn parameters(task: &BodyTask) -> IntegrationParameters {
-    let dt = task.spec.control_step as f32 / task.solver.contact_updates as f32;
+    let [steps, substeps] = task.steps_and_substeps(task.solver.contact_updates);
+    let dt = task.spec.control_step as f32 / steps as f32;
     let softness = task.contact_softness.map(spring_coefficients);
     let defaults = IntegrationParameters::default();
     IntegrationParameters {
         contact_softness: softness.unwrap_or(defaults.contact_softness),
         static_contact_softness: softness.unwrap_or(defaults.static_contact_softness),
         dt,
-        num_solver_iterations: task.solver.substeps as usize,
+        num_solver_iterations: substeps as usize,
         num_internal_pgs_iterations: task.solver.solver_iterations as usize,
         num_internal_stabilization_iterations: 1,
         normalized_allowed_linear_error: TOLERANCE,
@@ -159,7 +161,8 @@ fn colliders(
     let mut colliders = ColliderSet::new();
     let mut inserted = Vec::new();
     for surface in &task.colliders {
-        let collider = collider(surface, center_of_mass(surface, task));
+        let is_linked = surface.body.is_some_and(|body| is_linked(body, task));
+        let collider = collider(surface, center_of_mass(surface, task), is_linked);
         inserted.push(match surface.body {
             None => colliders.insert(collider),
             Some(body) => colliders.insert_with_parent(collider, handles[body], bodies),
@@ -182,7 +185,7 @@ fn center_of_mass(surface: &description::Collider, task: &BodyTask) -> Vector {
         .map_or(Vector::ZERO, |body| vector(task.bodies[body].inertial.com))
 }
 
-fn collider(surface: &description::Collider, com: Vector) -> Collider {
+fn collider(surface: &description::Collider, com: Vector, is_linked: bool) -> Collider {
     let PlacedShape { shape, pose, .. } = PlacedShape::new(surface);
     let groups = |bits| Group::from_bits_retain(bits);
     ColliderBuilder::new(shape)
@@ -192,6 +195,12 @@ fn collider(surface: &description::Collider, com: Vector) -> Collider {
         .friction_combine_rule(CoefficientCombineRule::Max)
         .restitution(surface.restitution as f32)
         .restitution_combine_rule(CoefficientCombineRule::Max)
+        .active_hooks(if surface.restitution > 0.0 {
+            ActiveHooks::MODIFY_SOLVER_CONTACTS
+        } else {
+            ActiveHooks::empty()
+        })
+        .user_data(if is_linked { LINKED } else { 0 })
         .collision_groups(InteractionGroups::new(
             groups(surface.contype),
             groups(surface.conaffinity),
@@ -230,8 +239,14 @@ fn insert_links(
 }
 
 fn root(body: usize, task: &BodyTask) -> Root {
-    let is_linked = task.joints.iter().any(|joint| joint.parent == Some(body));
-    Root::new(body, task.bodies[body].inertial.com, is_linked)
+    let com = task.bodies[body].inertial.com;
+    Root::new(body, com, is_linked(body, task))
+}
+
+/// Whether a body is a link of a multibody.
+fn is_linked(body: usize, task: &BodyTask) -> bool {
+    let mut joints = task.joints.iter();
+    joints.any(|joint| joint.parent == Some(body) || joint.child == body)
 }
 
 /// The multibodies of the bodies, each once.

@@ -10,7 +10,7 @@ use rapier2d::prelude::{
 use super::super::constraint::velocity_gain;
 use super::super::vector;
 use crate::description::{BodyTask, Drive, Joint, Servo, Softness};
-use crate::kinematics::{Link as TreeLink, Motion};
+use crate::kinematics::{Link as TreeLink, Motion, single_angle};
 
 /// All joints of one body.
 pub(super) struct JointGroup<'a> {
@@ -95,7 +95,7 @@ impl<'a> JointGroup<'a> {
             None => Rotation::IDENTITY,
         };
         let anchor = self.anchor();
-        let reference = Rotation::new(anchor.angle as f32);
+        let reference = Rotation::new(single_angle(anchor.angle));
         let mut joint = GenericJointBuilder::new(locked)
             .local_frame1(Pose::from_parts(
                 vector(anchor.anchor_in_parent) - vector(coms[0]),
@@ -110,7 +110,7 @@ impl<'a> JointGroup<'a> {
         for (&index, coordinate) in self.joints.iter().zip(coordinates) {
             if let Some(coordinate) = coordinate {
                 set_range(&self.task.joints[index], coordinate, self.task, &mut joint);
-                set_servo(servo_of(index, self.task), coordinate, &mut joint);
+                set_servo(index, coordinate, self.task, &mut joint);
             }
         }
         joint
@@ -134,11 +134,19 @@ fn set_range(
     }
 }
 
-fn set_servo(servo: Option<&Servo>, coordinate: RapierCoordinate, joint: &mut GenericJoint) {
-    let Some(servo) = servo else { return };
+fn set_servo(
+    index: usize,
+    coordinate: RapierCoordinate,
+    task: &BodyTask,
+    joint: &mut GenericJoint,
+) {
+    let Some(servo) = servo_of(index, task) else {
+        return;
+    };
     let axis = coordinate.axis;
     joint.set_motor_model(axis, MotorModel::ForceBased);
-    joint.set_motor(axis, 0.0, 0.0, servo.kp as f32, velocity_gain(servo));
+    let (kp, kv) = (servo.kp as f32, velocity_gain(servo, task));
+    joint.set_motor(axis, 0.0, 0.0, kp, kv);
     let max_force = servo.force_limit.map_or(f32::MAX, |force| force as f32);
     joint.set_motor_max_force(axis, max_force);
 }
@@ -165,17 +173,20 @@ fn substep(task: &BodyTask) -> f64 {
 /// ω′ / (h ω′ + 2 ζ′) and c = 1 / (h ω′ (h ω′ + 2 ζ′)), a limit overshoots by (1 + c) / ω′² per
 /// acceleration, because the correction is removed from the velocities after each substep, and an
 /// overshoot shrinks at the rate e / (1 + c). Both are as desired for c = 1 / (2 ζ h ω), ω′ =
-/// ω √(1 + c), e = (1 + c) ω / (2 ζ).
+/// ω √(1 + c), e = (1 + c) ω / (2 ζ). Below ζ = 1/2, ζ′ is negative.
 fn range_spring(softness: Softness, substep: f64) -> SpringCoefficients<f32> {
     let frequency = TAU * softness.natural_frequency;
     let rate = frequency / (2.0 * softness.damping_ratio);
     let compliance = rate / (substep * frequency * frequency);
     let corrected_frequency = frequency * (1.0 + compliance).sqrt();
     let correction = rate * (1.0 + compliance);
-    let damping = (corrected_frequency / correction - substep * corrected_frequency) / 2.0;
+    let phase = substep * corrected_frequency;
+    let damping = (corrected_frequency / correction - phase) / 2.0;
+    // Near 0, single precision loses the digits of a difference: Rapier then computes without damping.
+    let is_small = damping < 0.0 && damping > -1e-3 * phase;
     SpringCoefficients {
         natural_frequency: (corrected_frequency / TAU) as f32,
-        damping_ratio: damping.max(0.0) as f32,
+        damping_ratio: if is_small { 0.0 } else { damping as f32 },
     }
 }
 

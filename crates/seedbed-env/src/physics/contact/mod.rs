@@ -5,6 +5,7 @@
 //! impulse joints would yield to contacts. In Rapier, the origin of a body is its center of mass,
 //! as floating multibodies need it: everything given in a body's own frame is shifted accordingly.
 
+mod bounce;
 mod build;
 mod fluid;
 mod joint_group;
@@ -14,6 +15,7 @@ mod rope;
 mod world;
 
 use self::build::WorldTemplate;
+pub(crate) use self::passage::depth;
 use self::world::World;
 use crate::description::BodyTask;
 use crate::dynamics::{CoordinateColumns, Dynamics, OTHER_BODIES, Passage, from_bytes, to_bytes};

@@ -126,7 +126,8 @@ impl PassageWatch {
     }
 
     /// Looks at a suspect again in a later control step: the passage if the center of its core is behind
-    /// the obstacle. The suspect is removed unless a part of it is still inside or behind.
+    /// the obstacle, or in a half-space, which has no other side. The suspect is removed unless a part of it
+    /// is still inside or behind.
     pub(super) fn confirm(
         &self,
         suspect: &mut Option<Suspect>,
@@ -141,11 +142,12 @@ impl PassageWatch {
         let [moving, other] = [mover, obstacle].map(|index| &self.surfaces[index]);
         let relative = other.pose_in(bodies).inverse() * moving.pose_in(bodies);
         let is_line = collider.shape().as_polyline().is_some();
+        let is_half_space = collider.shape().as_halfspace().is_some();
         let is_behind = |point: Vector| {
             let end = relative * point;
             // Parry's lines contain what is behind them.
             let is_inside = !is_line && collider.shape().contains_local_point(end);
-            !is_inside && crosses(found.before * point, end, collider)
+            is_inside == is_half_space && crosses(found.before * point, end, collider)
         };
         let touches = |point: &Vector| {
             is_behind(*point)
@@ -218,6 +220,16 @@ fn crosses(start: Vector, end: Vector, obstacle: &Collider) -> bool {
     !shape.contains_local_point(start) && shape.intersects_local_ray(&ray, 1.0)
 }
 
+/// Half of the thickness of a surface, m; infinite of what has none.
+pub(crate) fn depth(surface: &Surface) -> f32 {
+    match surface {
+        Surface::Shape(Shape::Box {
+            half_size: [x, y], ..
+        }) => x.min(*y),
+        _ => core_of(surface).1,
+    }
+}
+
 /// Points inside a shape, its center first, in Parry's frame of the shape, and their distance from its
 /// surface. Lines and half-spaces have none.
 fn core_of(surface: &Surface) -> (Vec<Vector>, f32) {
@@ -258,8 +270,7 @@ fn core_of_polygon(corners: &[[f32; 2]]) -> (Vec<Vector>, f32) {
     (core, depth.max(0.0))
 }
 
-/// Whether a collider of a body and a surface, which can touch, are watched. A half-space cannot be
-/// passed: whatever is in it is pushed out to the right side.
+/// Whether a collider of a body and a surface, which can touch, are watched.
 fn is_watched(Pair { mover, obstacle }: Pair, task: &BodyTask) -> bool {
     let [one, other] = [mover, obstacle].map(|index| &task.colliders[index]);
     let touches = |one: &description::Collider, other: &description::Collider| {
@@ -269,7 +280,6 @@ fn is_watched(Pair { mover, obstacle }: Pair, task: &BodyTask) -> bool {
     has_core
         && one.body.is_some()
         && one.body != other.body
-        && !matches!(other.surface, Surface::HalfSpace { .. })
         && (touches(one, other) || touches(other, one))
         && !are_joined(one.body, other.body, task)
 }

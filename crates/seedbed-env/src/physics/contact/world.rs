@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::super::geometry::terrain_line;
 use super::super::turns::MAX_TURN_PER_SUBSTEP;
 use super::super::vector;
+use super::bounce::FlatImpacts;
 use super::build::WorldTemplate;
 use super::link::Root;
 use super::passage::Suspect;
@@ -225,12 +226,12 @@ impl World {
         // A restored world has none.
         self.surfaces_before
             .resize(template.collider_handles.len(), (Pose::IDENTITY, 0.0));
-        for _ in 0..template.contact_updates {
+        for _ in 0..template.steps {
             self.apply_controls(template, copy, controls, copies);
             self.begin_turns(template);
             watch.begin(&self.simulation.bodies, &mut self.surfaces_before);
             // Rapier's limits of motors panic where coordinates are not finite.
-            if caught_panic(|| self.simulation.step()).is_err() {
+            if caught_panic(|| self.simulation.step_with_events(&FlatImpacts, &())).is_err() {
                 self.live = false;
                 return false;
             }
