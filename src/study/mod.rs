@@ -43,4 +43,5 @@ pub mod scaling;
 pub mod shard;
 pub mod store;
 pub mod submission;
+mod ties;
 pub mod tuning;
