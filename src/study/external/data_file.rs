@@ -263,7 +263,7 @@ impl<'a> Rows<'a> {
 enum Quotes {
     #[default]
     BeforeField,
-    WithoutQuotes,
+    Plain,
     Open,
     Closed,
 }
@@ -274,7 +274,7 @@ impl Quotes {
             (Self::Open, b'"') => Self::Closed,
             (Self::Open, _) | (Self::BeforeField | Self::Closed, b'"') => Self::Open,
             (_, b',' | b'\r' | b'\n') => Self::BeforeField,
-            _ => Self::WithoutQuotes,
+            _ => Self::Plain,
         }
     }
 }
@@ -328,10 +328,10 @@ fn error_at(
     let start = before.iter().rposition(|&byte| byte == b'\n');
     let start = start.map_or(0, |line_break| line_break + 1);
     let line = text[start..].split(|&byte| byte == b'\n').next();
-    let lines = before.iter().filter(|&&byte| byte == b'\n').count();
+    let lines = before.split(|&byte| byte == b'\n').count();
     InputError {
         position: Some(Position {
-            line: lines_before as usize + lines + 1,
+            line: lines_before as usize + lines,
             column: String::from_utf8_lossy(&before[start..]).chars().count() + 1,
             text: String::from_utf8_lossy(line.unwrap_or_default())
                 .trim_end()

@@ -79,12 +79,12 @@ fn expand(folder: &Path, parts: &[Part], found: &mut Vec<PathBuf>) -> io::Result
         return Ok(());
     };
     match part {
-        Part::Name(name) => expand_existing(folder.join(name), rest, found),
+        Part::Name(name) => expand_existing(&folder.join(name), rest, found),
         Part::Names(pattern) => {
             for path in entries(folder)? {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 if pattern.matches_with(&name, OPTIONS) {
-                    expand_existing(path, rest, found)?;
+                    expand_existing(&path, rest, found)?;
                 }
             }
             Ok(())
@@ -94,14 +94,14 @@ fn expand(folder: &Path, parts: &[Part], found: &mut Vec<PathBuf>) -> io::Result
 }
 
 /// Adds `path`, or what the rest of the parts matches in it.
-fn expand_existing(path: PathBuf, rest: &[Part], found: &mut Vec<PathBuf>) -> io::Result<()> {
+fn expand_existing(path: &Path, rest: &[Part], found: &mut Vec<PathBuf>) -> io::Result<()> {
     let exists = if rest.is_empty() {
         path.symlink_metadata().is_ok()
     } else {
         path.is_dir()
     };
     if exists {
-        expand(&path, rest, found)?;
+        expand(path, rest, found)?;
     }
     Ok(())
 }

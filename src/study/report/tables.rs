@@ -249,7 +249,8 @@ pub(super) fn note_about_times(
     }
     let cells: Vec<&CellResults> = names.iter().filter_map(|name| results.cell(name)).collect();
     let is_external = cells.iter().any(|cell| cell.description.external.is_some());
-    if is_external && comparison.horizon == earliest_end(&cells, measure) {
+    let is_first_end = comparison.horizon == earliest_end(&cells, measure);
+    if is_external && comparison.horizon.is_finite() && is_first_end {
         return format!(
             "Times are compared up to {horizon}, where the first run ended that did not reach its time: {} and {}.",
             names[0], names[1]
