@@ -276,16 +276,12 @@ impl Inspected {
 
     /// Overlap of the agents' visited states, and the effective number of agents.
     fn diversity(&self) -> Option<(f64, f64)> {
-        match &self.stats {
-            Some(stats) => {
-                let diversity = stats.diversity()?;
-                Some((diversity.overlap, diversity.effective_agents))
-            }
-            None => {
-                let last_round = self.run.rounds.last()?;
-                Some((last_round.team_overlap, last_round.effective_agents))
-            }
+        if let Some(stats) = &self.stats {
+            let diversity = stats.diversity()?;
+            return Some((diversity.overlap, diversity.effective_agents));
         }
+        let last_round = self.run.rounds.last()?;
+        Some((last_round.team_overlap, last_round.effective_agents))
     }
 
     /// Number of agents with visits; without a recording, of all agents.
