@@ -66,6 +66,20 @@ pub fn terminal(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
+/// Text for a part of a line on a terminal: like [`terminal`], and without further lines and tabs, so that
+/// a name cannot look like a row of a table.
+#[must_use]
+pub fn terminal_line(text: &str) -> String {
+    let escaped = |character: char| {
+        if is_invisible_control(character) {
+            escape_sequence(character)
+        } else {
+            character.to_string()
+        }
+    };
+    text.chars().map(escaped).collect()
+}
+
 fn escape_sequence(character: char) -> String {
     format!("\\u{:04x}", u32::from(character))
 }
@@ -158,9 +172,12 @@ pub fn from_spreadsheet_cell(cell: &str) -> Cow<'_, str> {
 }
 
 /// The lines of a table, with two spaces between columns. The first column is aligned to the left,
-/// the others to the right. All rows have as many cells as the first one.
+/// the others to the right. All rows have as many cells as the first one. Each cell is a
+/// [`terminal_line`].
 #[must_use]
 pub fn align_columns(rows: &[Vec<String>]) -> Vec<String> {
+    let shown = |row: &Vec<String>| row.iter().map(|cell| terminal_line(cell)).collect();
+    let rows: Vec<Vec<String>> = rows.iter().map(shown).collect();
     let width = |column: usize| {
         let cells = rows.iter().map(|row| row[column].chars().count());
         cells.max().unwrap_or(0)
@@ -187,6 +204,8 @@ mod tests {
         let rows = [["run", "σ"], ["a", "0.5"]].map(|row| row.map(str::to_owned).to_vec());
         assert_eq!(align_columns(&rows), ["run    σ", "a    0.5"]);
         assert!(align_columns(&[]).is_empty());
+        let forged = ["a\nb  1\t\u{1b}[1m".to_owned()].to_vec();
+        assert_eq!(align_columns(&[forged]), ["a\\u000ab  1\\u0009\\u001b[1m"]);
         // The width in a format has 16 bits.
         let long = [
             ["x".repeat(70_000), "1".to_owned()].to_vec(),

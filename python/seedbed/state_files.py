@@ -614,8 +614,7 @@ def _summary(folder: Path, scans: Sequence[Scan], episodes: Sequence[EpisodeRow]
     for found in scans:
         learners[found.header.agent] = found.header.learner_number
     returns = learner_returns(episodes, learners)
-    means = [math.fsum(last) / len(last) for last in (each[-FINAL_WINDOW:] for each in returns) if last]
-    final_return = math.fsum(means) / len(means) if len(means) == len(returns) else 0.0
+    final_return = _mean([_mean(each[-FINAL_WINDOW:]) for each in returns])
     return {
         "scenario": folder.resolve().name,
         "environment": scans[0].header.environment,
@@ -630,6 +629,14 @@ def _summary(folder: Path, scans: Sequence[Scan], episodes: Sequence[EpisodeRow]
         "final_return": final_return if math.isfinite(final_return) else None,
         "nan_observations": _nan_observations(scans),
     }
+
+
+def _mean(values: Sequence[float]) -> float:
+    """The mean; NaN if there are no values or if their sum is no finite number."""
+    try:
+        return math.fsum(values) / len(values)
+    except (ArithmeticError, ValueError):
+        return math.nan
 
 
 def _nan_observations(scans: Sequence[Scan]) -> dict[str, int]:

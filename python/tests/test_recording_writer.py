@@ -167,7 +167,28 @@ def test_an_episode_without_steps_is_no_episode(tmp_path):
         environment.reset()
         environment.reset()
     assert episodes_of(state_file(tmp_path), 2, 1) == []
-    assert json.loads((tmp_path / "summary.json").read_text())["final_return"] == 0
+    assert json.loads((tmp_path / "summary.json").read_text())["final_return"] is None
+
+
+@pytest.mark.filterwarnings("ignore:.*too large for single precision")
+@pytest.mark.parametrize("rewards", [[math.inf, -math.inf], [1e308, 1e308], [math.nan, 1]])
+def test_a_mean_that_is_no_finite_number_is_null(tmp_path, rewards):
+    class Rewarded(Counter):
+        def step(self, action):
+            observation, _, *rest = super().step(action)
+            return observation, rewards.pop(), *rest
+
+    with RecordVisitation(Rewarded(1), tmp_path) as environment:
+        play(environment, len(rewards))
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["final_return"], summary["episodes_per_agent"]) == (None, 2)
+
+
+def test_the_final_return_is_unknown_if_an_agent_has_no_episode(tmp_path):
+    with RecordVisitation(Counter(4), tmp_path, agent=1) as environment:
+        play(environment, 2)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["agents"], summary["final_return"]) == (2, None)
 
 
 def test_numbers_are_recorded_as_they_are(tmp_path):

@@ -230,6 +230,10 @@ fn print_claims(results: &Results, claim_results: &[ClaimResult]) {
             claim_result.verdict_text(),
             claim.text
         );
+        let note = report::note_about_claim(results, claim, claim_result);
+        if !note.is_empty() {
+            say!("{:<verdict_width$} {note}", "");
+        }
     }
     if !claim_results.is_empty() {
         say!("claims     {}", report::summarize_claims(claim_results));

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::{CliError, pluralize};
 use seedbed::run::overview::{self, RunOverview, RunState};
-use seedbed::text::{align_columns, without_trailing_zeros};
+use seedbed::text::{align_columns, terminal_line, without_trailing_zeros};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -191,7 +191,8 @@ fn print_table(runs: &[RunOverview], found: usize, args: &RunsArgs) {
     }
     for run in runs {
         if let Some(error) = &run.error {
-            note!("warning: {} cannot be read: {error}", run.path.display());
+            let path = terminal_line(&run.path.to_string_lossy());
+            note!("warning: {path} cannot be read: {error}");
         }
     }
 }

@@ -17,6 +17,7 @@ use seedbed::study::registration::{Lock, RegistrationError};
 use seedbed::study::run_marks::RunMark;
 use seedbed::study::shard::Shard;
 use seedbed::study::store::{RunState, StudyFolder};
+use seedbed::text::terminal_line;
 use seedbed_stats::power::MAX_RUNS;
 
 pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
@@ -138,7 +139,7 @@ fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
     for results in &lock.registered.results_of_others {
         say!(
             "of others  {}: {}; not fixed: {}",
-            results.cell,
+            terminal_line(&results.cell),
             pluralize(results.runs as usize, "run"),
             results.not_fixed
         );
@@ -285,7 +286,7 @@ fn print_runs(plan: &StudyPlan, folder: &StudyFolder) {
             "{:>6}  {state:<11}  {:<15}  {}{}",
             run.index,
             run.label(),
-            run.cell.name,
+            terminal_line(&run.cell.name),
             in_parentheses(&details.join("; "))
         );
     }
@@ -480,12 +481,13 @@ fn print_results_of_others(plan: &StudyPlan) {
         };
         say!(
             "of others  {}: {} in {}",
-            cell.name,
+            terminal_line(&cell.name),
             pluralize(external.runs().count(), "run"),
-            external.pattern()
+            terminal_line(external.pattern())
         );
         for warning in cell.source.warnings() {
-            note!("warning: cell `{}`: {warning}", cell.name);
+            let cell = terminal_line(&cell.name);
+            note!("warning: cell `{cell}`: {}", terminal_line(&warning));
         }
     }
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 use super::checksums::Checksums;
 use super::folder::RunFolder;
@@ -22,6 +22,7 @@ use seedbed_env::caught_panic;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunOverview {
     /// Directory of the run.
+    #[serde(serialize_with = "lossy_path")]
     pub path: PathBuf,
     /// Whether the run is finished.
     pub state: RunState,
@@ -35,6 +36,11 @@ pub struct RunOverview {
     pub written: Option<SystemTime>,
     /// Time from the first to the last file of the run, in seconds. It includes interruptions.
     pub seconds: Option<f64>,
+}
+
+/// Writes a path as text, with � for what is not in UTF-8.
+fn lossy_path<S: Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&path.to_string_lossy())
 }
 
 /// Whether a run is finished.
@@ -144,9 +150,7 @@ impl RunOverview {
         let state = match &results {
             Err(_) => RunState::Unreadable,
             Ok(_) if is_finished => RunState::Finished,
-            Ok(_) if folder.scenario_file().is_file() || folder.has_state_files() => {
-                RunState::Unfinished
-            }
+            Ok(_) if has_more_than_recording(&folder) => RunState::Unfinished,
             Ok(_) => RunState::RecordingOnly,
         };
         let written = last_result_time(&folder);
@@ -166,6 +170,11 @@ impl RunOverview {
         let has_threshold = self.state == RunState::Finished && self.results.solved_at.is_some();
         has_threshold.then(|| self.results.episodes_until_solved.is_some())
     }
+}
+
+fn has_more_than_recording(folder: &RunFolder) -> bool {
+    let [episodes, _] = folder.table_files();
+    folder.scenario_file().is_file() || episodes.is_file() || folder.has_state_files()
 }
 
 fn finished_results(folder: &RunFolder) -> Result<Results, String> {
@@ -188,14 +197,31 @@ fn unfinished_results(folder: &RunFolder) -> Result<Results, String> {
         scenario: parent.filter(|name| !name.is_empty()),
         ..Results::default()
     };
-    let scenario_file = folder.scenario_file();
-    if !scenario_file.is_file() {
+    let [episodes, _] = folder.table_files();
+    if !has_more_than_recording(folder) {
         return Ok(results);
     }
     let checksums = Checksums::read(folder).map_err(|error| error.to_string())?;
+    if folder.scenario_file().is_file() {
+        add_scenario(&mut results, folder, &checksums)?;
+    }
+    if episodes.is_file() {
+        let verified = checksums.verify(&episodes);
+        verified.map_err(|error| error.to_string())?;
+        let rows: Vec<EpisodeRow> = table::read(&episodes).map_err(|error| error.to_string())?;
+        add_episodes(&mut results, &rows);
+    }
+    Ok(results)
+}
+
+fn add_scenario(
+    results: &mut Results,
+    folder: &RunFolder,
+    checksums: &Checksums,
+) -> Result<(), String> {
     let verified = checksums.verify_scenario();
     verified.map_err(|error| error.to_string())?;
-    let scenario = input_files::read::<Scenario>(&scenario_file);
+    let scenario = input_files::read::<Scenario>(&folder.scenario_file());
     let scenario = scenario.map_err(|error| error.to_string())?.value;
     if !scenario.name.is_empty() {
         results.scenario = Some(scenario.name.value().clone());
@@ -203,14 +229,7 @@ fn unfinished_results(folder: &RunFolder) -> Result<Results, String> {
     results.environment = Some(task_name(&scenario.environment).to_owned());
     results.seed = Some(scenario.seed);
     results.agents = Some(u64::from(scenario.agents.count.get()));
-    let [episodes, _] = folder.table_files();
-    if episodes.is_file() {
-        let verified = checksums.verify(&episodes);
-        verified.map_err(|error| error.to_string())?;
-        let rows: Vec<EpisodeRow> = table::read(&episodes).map_err(|error| error.to_string())?;
-        add_episodes(&mut results, &rows, scenario.agents.count.get());
-    }
-    Ok(results)
+    Ok(())
 }
 
 /// Results of a run that another program records.
@@ -231,8 +250,12 @@ fn state_file_results(folder: &RunFolder) -> Result<Results, String> {
     Ok(results)
 }
 
-fn add_episodes(results: &mut Results, rows: &[EpisodeRow], agents: u32) {
-    let returns = team_returns(rows, agents as usize);
+/// Adds the results in rows of episodes. Without a scenario, the agents are those up to the last with a
+/// row.
+fn add_episodes(results: &mut Results, rows: &[EpisodeRow]) {
+    let last_agent = rows.iter().map(|row| u64::from(row.agent) + 1).max();
+    results.agents = results.agents.or(last_agent);
+    let returns = team_returns(rows, results.agents.unwrap_or(0) as usize);
     results.episodes_per_agent = Some(returns.len() as u64);
     results.env_steps = Some(rows.last().map_or(0, |row| row.env_steps));
     results.final_return = final_mean(&returns);

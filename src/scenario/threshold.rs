@@ -54,7 +54,7 @@ impl Threshold {
 
 impl Rounding {
     /// Maximum error of a mean of returns of this magnitude; 0 if it is not finite.
-    fn error(self, scale: f64) -> f64 {
+    pub(crate) fn error(self, scale: f64) -> f64 {
         let of_numbers = match self {
             Self::SingleRewards => f64::from(f32::EPSILON) * scale,
             Self::SingleReturns => {

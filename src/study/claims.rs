@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::comparison::{Comparison, Quantity, Samples};
 use super::file::{Claim, ClaimDirection};
-use super::results::Results;
+use super::results::{CellResults, Results, default_horizon};
 use seedbed_env::input::numbers::Positive;
 use seedbed_stats::effect_test::EffectTest;
 use seedbed_stats::family::{holm_correction, holm_decisions};
@@ -217,16 +217,13 @@ impl<'a> ComparedClaim<'a> {
     }
 }
 
-/// Time up to which the times of two cells are compared: that of the claim or, without one, the
-/// smaller of their maximum numbers of episodes.
+/// Time up to which the times of two cells are compared: that of the claim, or the default.
 fn horizon(results: &Results, claim: &Claim) -> f64 {
-    let max_episodes = |cell: &str| {
-        let cell = results.cell(cell);
-        cell.map_or(f64::INFINITY, |cell| {
-            f64::from(cell.description.max_episodes)
-        })
-    };
-    let default = || max_episodes(&claim.compare.0).min(max_episodes(&claim.compare.1));
+    let cells: Vec<&CellResults> = claim
+        .cells()
+        .filter_map(|cell| results.cell(cell))
+        .collect();
+    let default = || default_horizon(&cells, results.study.measure_of(claim));
     claim.horizon.map_or_else(default, Positive::get)
 }
 

@@ -7,9 +7,10 @@
 
 use super::measure::Measure;
 use super::run_result::RunResult;
+use super::ties::with_equal_ties;
 use seedbed_stats::aggregate::{mean, median};
 use seedbed_stats::bootstrap::bootstrap_mean_and_interquartile_mean;
-use seedbed_stats::effect_test::{EffectTest, Opposite, lower_bound, upper_bound};
+use seedbed_stats::effect_test::{EffectTest, OfRange, Opposite, lower_bound, upper_bound};
 use seedbed_stats::family::FAMILY_LEVEL;
 use seedbed_stats::improvement::win_probability;
 use seedbed_stats::means::{MeanOfDifferences, TwoMeans};
@@ -26,6 +27,8 @@ pub struct RunScore {
     pub value: f64,
     /// For a time that was not reached, the end of the run; otherwise infinite.
     pub observed_until: f64,
+    /// Magnitude of what was added up for the value, to which its rounding error is proportional.
+    pub magnitude: f64,
 }
 
 /// Summary of the runs of one cell in one measure.
@@ -53,8 +56,8 @@ pub enum Quantity {
     Share,
     /// Means.
     Mean,
-    /// Restricted mean times: times after the horizon, and times that were not reached, count as
-    /// the horizon.
+    /// Restricted mean times: times after the horizon count as the horizon. Times of runs that ended
+    /// before it without reaching them may be any from the end of the run to the horizon.
     RestrictedMeanTime {
         /// Number of episodes or steps up to which times are compared.
         horizon: f64,
@@ -66,10 +69,20 @@ pub enum Quantity {
 pub struct Samples {
     quantity: Quantity,
     /// Values of the first and of the second cell. If paired, equal indices are equal run seeds.
-    values: [Vec<f64>; 2],
+    values: [Values; 2],
     paired: bool,
     /// Whether the second cell is tested against the first, and the result is reversed.
     is_reversed: bool,
+}
+
+/// Values of runs that are compared.
+#[derive(Clone, Debug, PartialEq)]
+struct Values {
+    /// Smallest possible values: `[runs]`
+    least: Vec<f64>,
+    /// Largest possible values: `[runs]`. They differ from the smallest in times of runs that ended
+    /// early.
+    most: Vec<f64>,
 }
 
 /// Comparison of a first with a second cell.
@@ -78,8 +91,13 @@ pub struct Comparison {
     /// Number of runs of the first and of the second cell. In a paired comparison both are the
     /// number of pairs.
     pub n: [usize; 2],
-    /// Means or shares of the first and of the second cell.
+    /// Means or shares of the first and of the second cell; if only ranges are known, their middles.
     pub values: [f64; 2],
+    /// Number of episodes or steps up to which times are compared; infinite for other measures.
+    pub horizon: f64,
+    /// Number of runs of the first and of the second cell that ended before the horizon without
+    /// reaching the time that is compared.
+    pub ended_early: [usize; 2],
     /// Effect: first minus second. Its interval is the 95 % interval of a single comparison.
     pub effect: Estimate,
     /// Probability that a run of the first cell is below a run of the second. A tie counts half.
@@ -106,6 +124,7 @@ impl RunScore {
             run_seed,
             value,
             observed_until,
+            magnitude: measure.magnitude(run, value),
         })
     }
 
@@ -196,13 +215,42 @@ impl Quantity {
         }
     }
 
-    /// The value of a run that is compared: a time up to the horizon, or the measure itself.
+    /// The value of a run that is compared: a time up to the horizon, or the measure itself. Of a run
+    /// that ended before the horizon, the largest possible time.
     #[must_use]
     pub fn value(self, score: RunScore) -> f64 {
+        self.range(score)[1]
+    }
+
+    /// The smallest and the largest possible value of a run.
+    fn range(self, score: RunScore) -> [f64; 2] {
         match self {
-            Self::Share | Self::Mean => score.value,
-            Self::RestrictedMeanTime { horizon } => score.time_to_event().restricted_to(horizon),
+            Self::Share | Self::Mean => [score.value; 2],
+            Self::RestrictedMeanTime { horizon } => score.time_to_event().range_up_to(horizon),
         }
+    }
+}
+
+impl Values {
+    fn of(scores: &[RunScore], quantity: Quantity) -> Self {
+        let ranges = scores.iter().map(|score| quantity.range(*score));
+        let (least, most) = ranges.map(|[least, most]| (least, most)).unzip();
+        Self { least, most }
+    }
+
+    /// The mean; the middle of the possible ones if it is not known.
+    fn mean(&self) -> f64 {
+        f64::midpoint(mean(&self.least), mean(&self.most))
+    }
+
+    /// Number of values of which only a range is known.
+    fn unknown(&self) -> usize {
+        let pairs = self.least.iter().zip(&self.most);
+        pairs.filter(|(least, most)| least != most).count()
+    }
+
+    fn all(&self) -> impl Iterator<Item = f64> {
+        self.least.iter().chain(&self.most).copied()
     }
 }
 
@@ -221,23 +269,14 @@ impl Samples {
         } else {
             [first.to_vec(), second.to_vec()]
         };
-        let values = values.map(|scores| {
-            scores
-                .into_iter()
-                .map(|score| quantity.value(score))
-                .collect()
-        });
-        let samples = Self {
+        let values = with_equal_ties(values).map(|scores| Values::of(&scores, quantity));
+        let is_complete = values.iter().all(|values| !values.most.is_empty());
+        is_complete.then_some(Self {
             quantity,
             values,
             paired,
             is_reversed: false,
-        };
-        let is_complete = samples
-            .values
-            .iter()
-            .all(|values: &Vec<f64>| !values.is_empty());
-        is_complete.then_some(samples)
+        })
     }
 
     /// The runs of a cell, which are compared with a number. `None` if there are none.
@@ -247,6 +286,7 @@ impl Samples {
             run_seed: score.run_seed,
             value: number,
             observed_until: f64::INFINITY,
+            magnitude: number.abs(),
         };
         let numbers: Vec<RunScore> = scores.iter().map(score_of_number).collect();
         Self::new(scores, &numbers, quantity, true)
@@ -279,7 +319,7 @@ impl Samples {
     }
 
     /// The samples in the order in which they are tested.
-    fn tested(&self) -> [&Vec<f64>; 2] {
+    fn tested(&self) -> [&Values; 2] {
         let [first, second] = &self.values;
         if self.is_reversed {
             [second, first]
@@ -291,16 +331,33 @@ impl Samples {
     /// Number of runs of the first and of the second cell.
     #[must_use]
     pub fn n(&self) -> [usize; 2] {
-        [0, 1].map(|cell| self.values[cell].len())
+        [0, 1].map(|cell| self.values[cell].most.len())
     }
 
-    /// The test of the effect.
+    /// The test of the effect. If only ranges of values are known, its bounds hold for all that is
+    /// possible.
     #[must_use]
     pub fn test(&self) -> Box<dyn EffectTest> {
         let [first, second] = self.tested();
-        let test: Box<dyn EffectTest> = match self.quantity {
+        let test = if first.unknown() + second.unknown() == 0 {
+            self.test_of(&first.most, &second.most)
+        } else {
+            Box::new(OfRange {
+                smallest: self.test_of(&first.least, &second.most),
+                largest: self.test_of(&first.most, &second.least),
+            })
+        };
+        if self.is_reversed {
+            Box::new(Opposite(test))
+        } else {
+            test
+        }
+    }
+
+    fn test_of(&self, first: &[f64], second: &[f64]) -> Box<dyn EffectTest> {
+        match self.quantity {
             Quantity::Share => {
-                let [first, second] = [first, second].map(|values| share_of_successes(values));
+                let [first, second] = [first, second].map(share_of_successes);
                 Box::new(TwoShares::new(first, second))
             }
             _ if self.paired => {
@@ -309,11 +366,6 @@ impl Samples {
                 Box::new(MeanOfDifferences::new(&differences))
             }
             _ => Box::new(TwoMeans::new(first, second)),
-        };
-        if self.is_reversed {
-            Box::new(Opposite(test))
-        } else {
-            test
         }
     }
 
@@ -326,7 +378,8 @@ impl Samples {
         levels: [f64; 2],
         thresholds: [f64; 2],
     ) -> Interval {
-        let n = self.values[0].len().min(self.values[1].len());
+        let [first, second] = self.n();
+        let n = first.min(second);
         if n < MIN_RUNS {
             return Interval::TooFewRuns { n };
         }
@@ -339,7 +392,10 @@ impl Samples {
     /// Probability that a run of the first cell is below a run of the second.
     fn probability_below(&self) -> Estimate {
         let [first, second] = self.tested();
-        let probability = win_probability(second, first);
+        let probability = hull([
+            win_probability(&second.least, &first.most),
+            win_probability(&second.most, &first.least),
+        ]);
         if self.is_reversed {
             complement(probability)
         } else {
@@ -353,14 +409,37 @@ impl Samples {
         let [first, second] = &self.values;
         Comparison {
             n: self.n(),
-            values: [mean(first), mean(second)],
+            values: [first.mean(), second.mean()],
+            horizon: match self.quantity {
+                Quantity::RestrictedMeanTime { horizon } => horizon,
+                Quantity::Share | Quantity::Mean => f64::INFINITY,
+            },
+            ended_early: [first.unknown(), second.unknown()],
             effect: Estimate {
                 value: test.estimate(),
                 interval: self.interval(test, [FAMILY_LEVEL; 2], [0.0; 2]),
             },
             probability_below: self.probability_below(),
-            is_constant: first.iter().chain(second).all(|&value| value == first[0]),
+            is_constant: first
+                .all()
+                .chain(second.all())
+                .all(|value| value == first.most[0]),
         }
+    }
+}
+
+/// The middle of the smallest and the largest possible value, with the interval that has both intervals
+/// in it.
+fn hull([smallest, largest]: [Estimate; 2]) -> Estimate {
+    let interval = match (smallest.interval, largest.interval) {
+        (Interval::Known { low, .. }, Interval::Known { high, .. }) => {
+            Interval::Known { low, high }
+        }
+        (too_few_runs, _) => too_few_runs,
+    };
+    Estimate {
+        value: f64::midpoint(smallest.value, largest.value),
+        interval,
     }
 }
 
@@ -418,6 +497,7 @@ mod tests {
                 run_seed: run_seed as u64,
                 value,
                 observed_until,
+                magnitude: value.abs(),
             }
         };
         text.split_whitespace().enumerate().map(score).collect()
@@ -452,6 +532,52 @@ mod tests {
         assert_eq!(comparison.values, [48.0, 60.0]);
         assert_eq!(comparison.effect.value, -12.0);
         assert!(!comparison.is_constant);
+    }
+
+    /// Up to episode 120, runs that ended at 30 may have been solved at any time from 30 to 120. So the
+    /// difference to times of 80 is at least 80 − 120 and at most 80 − 30, and the first runs may be
+    /// above or below all of the second.
+    #[test]
+    fn nothing_is_known_of_runs_after_their_end() {
+        let horizon = Quantity::RestrictedMeanTime { horizon: 120.0 };
+        let samples = |first, second| Samples::new(&times(first), &times(second), horizon, false);
+        let [solved, ended] = ["80 80 80 80 80 80 80 80", "30+ 30+ 30+ 30+ 30+ 30+ 30+ 30+"];
+        let samples = samples(solved, ended).unwrap();
+        let reversed = samples.clone().reversed();
+        for (samples, sign) in [(samples, 1.0), (reversed, -1.0)] {
+            let test = samples.test();
+            let comparison = samples.compare(&*test);
+            assert_eq!(comparison.effect.value, sign * 5.0);
+            let [low, high] = comparison.effect.interval.ends().unwrap();
+            assert!(
+                low.min(-high) <= -40.0 && (-low).max(high) >= 50.0,
+                "{low} {high}"
+            );
+            assert_eq!(comparison.probability_below.value, 0.5);
+            assert!(!comparison.is_constant);
+            assert_eq!((test.p_above(0.0), test.p_below(0.0)), (1.0, 1.0));
+        }
+        let values = [80.0, 75.0];
+        let comparison = compare(solved, ended, horizon, false);
+        assert_eq!(
+            (comparison.values, comparison.ended_early),
+            (values, [0, 8])
+        );
+    }
+
+    /// What is not known does not matter if it is little: runs that ended one episode early.
+    #[test]
+    fn a_range_decides_what_all_of_it_decides() {
+        let horizon = Quantity::RestrictedMeanTime { horizon: 100.0 };
+        let [solved, ended] = ["20 21 22 23 24 25 26 27", "99+ 99+ 99+ 99+ 90 91 92 93"];
+        let samples = Samples::new(&times(solved), &times(ended), horizon, false).unwrap();
+        let test = samples.test();
+        assert!(test.p_below(0.0) < 0.001);
+        let comparison = samples.compare(&*test);
+        assert_eq!(
+            (comparison.effect.value, comparison.ended_early),
+            (-72.0, [0, 4])
+        );
     }
 
     /// Six of six against none of six.
@@ -509,10 +635,8 @@ mod tests {
     fn pairs_need_equal_run_seeds() {
         let second: Vec<RunScore> = times("5 6 7").into_iter().skip(1).collect();
         let samples = Samples::new(&times("1 2"), &second, Quantity::Mean, true).unwrap();
-        assert_eq!(
-            (samples.n(), samples.values),
-            ([1, 1], [vec![2.0], vec![6.0]])
-        );
+        let values = samples.values.clone().map(|values| values.most);
+        assert_eq!((samples.n(), values), ([1, 1], [vec![2.0], vec![6.0]]));
         assert_eq!(
             Samples::new(&times("1"), &second, Quantity::Mean, true),
             None

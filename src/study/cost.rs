@@ -4,7 +4,7 @@
 use super::comparison::times_to_event;
 use super::external::Unknown;
 use super::measure::{Curve, Measure};
-use super::results::{CellResults, Results};
+use super::results::{CellResults, Results, known_horizon};
 use super::run_result::RunResult;
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::shares::Share;
@@ -112,8 +112,7 @@ fn gradient_steps(run: &RunResult) -> f64 {
 }
 
 /// Speed-up over the fastest cell with one agent in the same task; `None` without teams or without
-/// single agents. Runs that did not solve it count with the smallest maximum number of episodes of
-/// all cells in this task.
+/// single agents. Times are compared up to the [`known_horizon`] of all cells in this task.
 fn speedup(results: &Results, cell: &CellResults) -> Option<Speedup> {
     let task = &cell.description.task;
     if cell.unknown().episodes {
@@ -125,7 +124,7 @@ fn speedup(results: &Results, cell: &CellResults) -> Option<Speedup> {
             .iter()
             .filter(|other| other.description.task == *task && !other.unknown().episodes)
     };
-    let horizon = cells().map(|other| other.description.max_episodes).min()?;
+    let horizon = known_horizon(&cells().collect::<Vec<_>>(), Measure::EpisodesToSolve);
     if cells().all(|other| other.description.agents == 1) {
         return None;
     }
@@ -142,9 +141,9 @@ fn speedup(results: &Results, cell: &CellResults) -> Option<Speedup> {
 
 /// Mean number of episodes of each agent until solved, at most `horizon`; `None` without runs or
 /// without a threshold.
-fn mean_episodes(cell: &CellResults, horizon: u32) -> Option<f64> {
+fn mean_episodes(cell: &CellResults, horizon: f64) -> Option<f64> {
     let times = times_to_event(cell.scores(Measure::EpisodesToSolve));
-    let restricted = times.iter().map(|time| time.restricted_to(horizon.into()));
+    let restricted = times.iter().map(|time| time.restricted_to(horizon));
     (!times.is_empty()).then(|| mean(&restricted.collect::<Vec<f64>>()))
 }
 

@@ -248,7 +248,7 @@ impl Claim {
     }
 
     /// Names of the compared cells.
-    fn cells(&self) -> impl Iterator<Item = &Located<String>> {
+    pub(super) fn cells(&self) -> impl Iterator<Item = &Located<String>> {
         let second = self.number().is_none().then_some(&self.compare.1);
         [&self.compare.0].into_iter().chain(second)
     }

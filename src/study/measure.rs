@@ -5,6 +5,7 @@ use std::ops::Not;
 use serde::{Deserialize, Serialize};
 
 use super::run_result::RunResult;
+use super::ties::is_above;
 pub use crate::record::metrics::Curve;
 use crate::record::metrics::{Range, RunKind};
 use seedbed_env::input::numbers::{Count, ranged_count};
@@ -150,7 +151,7 @@ impl Measure {
             }
             Self::RegretAbove { regret } => Self::Regret
                 .of(run)
-                .map(|value| f64::from(u8::from(value > f64::from(regret.get())))),
+                .map(|value| f64::from(u8::from(is_above(value, regret.get().into())))),
             Self::Coverage => Self::Last {
                 of: Curve::TeamCoverage,
             }
@@ -163,6 +164,29 @@ impl Measure {
             Self::ReturnAt { .. } | Self::At { .. } => None,
             Self::Last { of: Curve::Return } => window_return(run, usize::MAX, 1),
             Self::Last { of } => run.curve(of).last().copied(),
+        }
+    }
+
+    /// Magnitude of what was added up for the value of a run, to which its rounding error is
+    /// proportional.
+    #[must_use]
+    pub fn magnitude(self, run: &RunResult, value: f64) -> f64 {
+        let largest = |values: &[f64]| values.iter().fold(0.0, |one: f64, v| one.max(v.abs()));
+        match self {
+            Self::Mean { of } if of != Curve::Return => largest(&run.curve(of)),
+            Self::FinalReturn { .. }
+            | Self::ReturnAt { .. }
+            | Self::SpreadOfAgents { .. }
+            | Self::PercentileOfAgents { .. }
+            | Self::Mean { .. }
+            | Self::At {
+                of: Curve::Return, ..
+            }
+            | Self::Last { of: Curve::Return } => {
+                let agents = run.returns.iter();
+                agents.map(|returns| largest(returns)).fold(0.0, f64::max)
+            }
+            _ => value.abs(),
         }
     }
 

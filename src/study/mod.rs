@@ -44,4 +44,5 @@ pub mod scaling;
 pub mod shard;
 pub mod store;
 pub mod submission;
+mod ties;
 pub mod tuning;

@@ -336,6 +336,33 @@ impl Results {
     }
 }
 
+/// Number of episodes up to which times of cells are compared unless a claim says another: their
+/// smallest maximum number of episodes. Number of environment steps: the [`earliest_end`].
+#[must_use]
+pub fn default_horizon(cells: &[&CellResults], measure: Measure) -> f64 {
+    if measure == Measure::EnvStepsToSolve {
+        return earliest_end(cells, measure);
+    }
+    let max_episodes = cells.iter().map(|cell| cell.description.max_episodes);
+    max_episodes.min().map_or(f64::INFINITY, f64::from)
+}
+
+/// Earliest end of a run that did not reach its time: nothing is known of it afterwards. Infinite if all
+/// runs of the cells reached their times.
+#[must_use]
+pub fn earliest_end(cells: &[&CellResults], measure: Measure) -> f64 {
+    let scores = cells.iter().flat_map(|cell| cell.scores(measure));
+    let ends = scores.map(|score| score.observed_until);
+    ends.fold(f64::INFINITY, f64::min)
+}
+
+/// The largest time up to [`default_horizon`] up to which all runs are known: means of cells on their
+/// own are of times up to this one.
+#[must_use]
+pub fn known_horizon(cells: &[&CellResults], measure: Measure) -> f64 {
+    default_horizon(cells, measure).min(earliest_end(cells, measure))
+}
+
 impl CellResults {
     /// A cell without runs.
     pub(super) fn without_runs(description: ManifestCell) -> Self {

@@ -4,7 +4,7 @@
 use super::comparison::{Quantity, RunScore};
 use super::file::{Scaling, has_part, unknown_part};
 use super::measure::Measure;
-use super::results::{CellResults, Results};
+use super::results::{CellResults, Results, known_horizon};
 use seedbed_env::input::{Located, ValidationError};
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::ratios::{log_log_slope, mean_with_log_interval, ratio_of_means};
@@ -17,7 +17,7 @@ pub struct TeamSize<'a> {
     pub cell: &'a str,
     /// Number of agents K.
     pub agents: u32,
-    /// Mean of the measure m(K). Times up to the smallest maximum number of episodes in this task.
+    /// Mean of the measure m(K). Times up to the [`known_horizon`] of this task.
     pub mean: Estimate,
     /// Mean of the worst twentieth of the runs.
     pub worst: f64,
@@ -168,12 +168,11 @@ fn are_paired(results: &Results, scores: &[&[RunScore]]) -> bool {
     !results.study.pairs_share.is_empty() && seeds.windows(2).all(|pair| pair[0] == pair[1])
 }
 
-/// Values of the runs of a cell; times up to the smallest maximum number of episodes in this task.
+/// Values of the runs of a cell; times up to the [`known_horizon`] of this task.
 #[must_use]
 pub fn values(results: &Results, cell: &CellResults, measure: Measure) -> Vec<f64> {
-    let episodes = cells_of_task(results, cell).map(|other| other.description.max_episodes);
-    let horizon = f64::from(episodes.min().unwrap_or(u32::MAX));
-    let quantity = Quantity::of(measure, horizon);
+    let cells: Vec<&CellResults> = cells_of_task(results, cell).collect();
+    let quantity = Quantity::of(measure, known_horizon(&cells, measure));
     let scores = cell.scores(measure).iter();
     scores.map(|score| quantity.value(*score)).collect()
 }

@@ -261,6 +261,8 @@ def check_files(page: Page) -> None:
     assert size > 10_000, size
     command = page.run("return toCommand(explorer)")
     assert "--agents 0,1 --episodes 0..10 --where theta=-0.1" in command, command
+    renamed = page.run("const axes = explorer.axes.map((a) => ({ ...a, name: 'x' })); return axes.map((_, a) => commandName(axes, a))")
+    assert renamed == page.run("return explorer.axes.map((a) => a.kind + ':x')"), renamed
 
 
 def check_film(page: Page) -> None:

@@ -158,7 +158,7 @@ fn a_restart_counts_from_the_step_at_which_the_run_continues() {
             "1",
             1000.0,
             None,
-            &[(TAG, &first, 1.0), ("loss", &[100], 0.0)],
+            &[(TAG, &first, 1.0), ("loss", &[100, 100], 0.0)],
         )
         .write(
             "2",
@@ -172,7 +172,7 @@ fn a_restart_counts_from_the_step_at_which_the_run_continues() {
             "1",
             1000.0,
             None,
-            &[(TAG, &first, 1.0), ("loss", &[100], 0.0)],
+            &[(TAG, &first, 1.0), ("loss", &[100, 100], 0.0)],
         )
         .write("2", 2000.0, None, &[("loss", &losses[4..6], 0.0)])
         .write(
@@ -188,6 +188,20 @@ fn a_restart_counts_from_the_step_at_which_the_run_continues() {
             warnings,
             ["run/tfevents.2: restarts the run at step 50, which replaces 6 earlier values"]
         );
+    }
+}
+
+/// Each process writes its number once before its returns, which says nothing of their steps: 20 values
+/// of 1 and 20 of 5, as `EventAccumulator` has.
+#[test]
+fn a_scalar_that_is_written_once_is_no_restart() {
+    let (first, next) = (every_tenth(0, 190), every_tenth(200, 390));
+    for numbers in [[&[0][..], &[1]], [&[0, 1], &[2, 3]]] {
+        let number = |process: usize| ("process/number", numbers[process], 0.0);
+        let run = Run::new()
+            .write("1", 1000.0, None, &[number(0), (TAG, &first, 1.0)])
+            .write("2", 2000.0, None, &[number(1), (TAG, &next, 5.0)]);
+        assert_eq!(run.read(), (40, 3.0, Vec::new()));
     }
 }
 

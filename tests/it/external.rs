@@ -754,3 +754,148 @@ fn the_example_of_the_documentation_works() {
     assert!(printed.contains("runs       8 finished\n"), "{printed}");
     assert!(printed.contains("1 exploratory comparison"), "{printed}");
 }
+
+/// A study of the cells `a` and `b` with confirmatory claims, and ten files of each with these returns.
+fn study_of_cells(fields: &str, claims: &str, returns: [&dyn Fn(usize) -> Vec<f64>; 2]) -> Fixture {
+    let cell = |name: &str| format!(r#"(name: "{name}", results: Csv(files: "{name}/*.csv"))"#);
+    let fixture = Fixture::new(&format!(
+        "Study(title: \"Cells\", {fields}, cells: [{}, {}], claims: [{claims}])",
+        cell("a"),
+        cell("b")
+    ));
+    for (cell, returns) in ["a", "b"].into_iter().zip(returns) {
+        for run in 0..10 {
+            // Files with equal returns must not be copies.
+            let values = returns(run).into_iter();
+            let rows = values.map(|value| format!("{value},{run}\n"));
+            let text = format!("return,number\n{}", rows.collect::<String>());
+            fixture.write(&format!("{cell}/{run}.csv"), &text);
+        }
+    }
+    fixture
+}
+
+fn claim(text: &str, fields: &str) -> String {
+    format!(r#"(text: "{text}", compare: ("a", "b"), {fields}, because: "x", confirmatory: true),"#)
+}
+
+/// 200 episodes, of which those from number `solved` on have the return 1.
+fn solved_at(solved: usize) -> Vec<f64> {
+    let mut returns = vec![0.0; 200];
+    returns[solved - 1..].fill(1.0);
+    returns
+}
+
+/// Both cells are solved after 60 to 87 episodes, but all files of `b` end after 30: nothing is known of
+/// it up to episode 120, where it may be faster or slower. If only the last ten episodes before the horizon
+/// are missing, they do not matter.
+#[test]
+fn runs_that_ended_early_say_nothing_of_what_came_later() {
+    let times = "solved: (return: 1, window: 1), measures: [EpisodesToSolve]";
+    let fields = "direction: Less, smallest: 5, horizon: 120";
+    let claims = claim("a is faster", fields);
+    let returns = |run: usize| solved_at(60 + 3 * run);
+    let cut = |run: usize| returns(run)[..30].to_vec();
+    let fixture = study_of_cells(times, &claims, [&returns, &cut]);
+    let printed = fixture.succeed(&[]);
+    let note = "Not known up to 120: 10 of 10 runs of b ended before without reaching their time, which may be any \
+                after their end.";
+    assert!(
+        printed.contains("open             a is faster\n"),
+        "{printed}"
+    );
+    assert!(printed.contains(note), "{printed}");
+    for file in ["claims.md", "report.html"] {
+        assert!(fixture.output(file).contains(note), "{file}");
+    }
+    // 73.5 on average, against times from 30 to 120.
+    let table = fixture.output("claims.md");
+    assert!(
+        table.contains("−1.5 (") && table.contains(", 73.5 against 75 |"),
+        "{table}"
+    );
+
+    let late = |_: usize| vec![0.0; 110];
+    let fixture = study_of_cells(times, &claims, [&returns, &late]);
+    let printed = fixture.succeed(&[]);
+    assert!(
+        printed.contains("supported        a is faster\n"),
+        "{printed}"
+    );
+}
+
+/// Without a horizon, times are compared up to the first end of a run that was not solved, here after seven
+/// episodes, and the report says so.
+#[test]
+fn a_report_says_up_to_which_time_of_others_is_compared() {
+    let times = "solved: (return: 1, window: 1), measures: [EpisodesToSolve]";
+    let claims = r#"(text: "x", compare: ("a", "b"), direction: Less, smallest: 1)"#;
+    let returns = |run: usize| solved_at(60 + 3 * run);
+    let one_is_short = |run: usize| vec![0.0; if run == 4 { 7 } else { 200 }];
+    let fixture = study_of_cells(times, claims, [&returns, &one_is_short]);
+    let printed = fixture.succeed(&[]);
+    let note = "Times are compared up to 7, where the first run ended that did not reach its time: a and b.";
+    assert!(printed.contains(note), "{printed}");
+    for file in ["claims.md", "tables.md", "report.html"] {
+        assert!(fixture.output(file).contains(note), "{file}");
+    }
+}
+
+/// All returns are 0.1, but the means of 25 and of ten of them are rounded differently.
+#[test]
+fn rounding_is_no_effect() {
+    let claims = ["More", "Less", "Same"].map(|direction| {
+        claim(
+            direction,
+            &format!("direction: {direction}, smallest: 0.05"),
+        )
+    });
+    let [many, few] = [25, 10].map(|episodes| move |_: usize| vec![0.1; episodes]);
+    let fixture = study_of_cells(
+        "measures: [FinalReturn()]",
+        &claims.join(" "),
+        [&many, &few],
+    );
+    let printed = fixture.succeed(&[]);
+    assert!(
+        printed.contains("3 confirmatory claims: 3 open"),
+        "{printed}"
+    );
+    let table = fixture.output("claims.md");
+    let found = "| 0 (0 to 0), 0.1 against 0.1 | 10 |";
+    assert_eq!(table.matches(found).count(), 3, "{table}");
+    assert_eq!(table.matches("| 1.0000 | open |").count(), 2, "{table}");
+    assert!(!table.contains("Times are compared"), "{table}");
+    assert!(
+        fixture
+            .output("tables.md")
+            .contains("| 10 | 0 (0 to 0) | 0.5 (")
+    );
+}
+
+/// A name of a run or agent that is missing, a quotation mark that is not closed, and lines after empty
+/// ones.
+#[test]
+fn errors_in_files_have_their_places() {
+    for (text, expected) in [
+        (
+            "return,run\n1,a\n7,\n",
+            "a/0.csv:3:3: in `run`: expected a name, found none",
+        ),
+        (
+            "return,run\n1,\"a\n2,a\n3,b\n",
+            "a/0.csv:2:3: expected a second quotation mark, found the end of the file",
+        ),
+        (
+            "return,run\n\n\n1,a,\n",
+            "a/0.csv:4:5: expected 2 values, as in the header, found 3",
+        ),
+    ] {
+        let fixture = Fixture::new(
+            r#"Study(title: "t", cells: [(name: "a", results: Csv(files: "a/*.csv", columns: (run: "run")))], measures: [FinalReturn()])"#,
+        );
+        fixture.write("a/0.csv", text);
+        let refused = fixture.fail(2, &[]);
+        assert!(refused.contains(expected), "{refused}");
+    }
+}

@@ -148,3 +148,33 @@ fn names_in_a_study_stay_text() {
     let row = reader.records().next().unwrap().unwrap();
     assert!(row[0].starts_with("'=1+1|"), "{row:?}");
 }
+
+/// A run whose directory has a line break in its name, or a name that is no text, is one row, and does not
+/// hide others.
+#[cfg(unix)]
+#[test]
+fn names_of_runs_are_one_row() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let observations = json!([{"name": "x", "unit": "", "low": null, "high": null}]);
+    let states = file_of_states(0, &observations, &[1.0, 2.0]);
+    for name in [&b"a\nb  forged  1"[..], b"\xff\xfe", b"plain"] {
+        let path = folder.path().join(std::ffi::OsStr::from_bytes(name));
+        write_file(&path, 0, &states);
+    }
+    let path = folder.path().to_str().unwrap();
+    let table = run_successful(&["runs", path]);
+    assert_eq!(table.lines().count(), 4, "{table}");
+    assert!(table.contains(r"a\u000ab  forged"), "{table}");
+    let runs: Value = serde_json::from_str(&run_successful(&["runs", path, "--json"])).unwrap();
+    let paths = runs
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|run| run["path"].as_str().unwrap());
+    let mut names: Vec<&str> = paths.map(|path| path.rsplit('/').next().unwrap()).collect();
+    names.sort_unstable();
+    assert_eq!(names, ["a\nb  forged  1", "plain", "\u{fffd}\u{fffd}"]);
+    let text = run_successful(&["inspect", &format!("{path}/a\nb  forged  1")]);
+    assert!(text.starts_with(r"a\u000ab  forged  1: 1 agent"), "{text}");
+}

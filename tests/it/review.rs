@@ -8,6 +8,7 @@ use seedbed::record::recording::Recording;
 use seedbed::run::review::LoadedRun;
 use seedbed::run::review::selection::EpisodeSelection;
 
+use super::state_files::{file_of_states, write_file};
 use super::util::{REPOSITORY, command, run_refused, run_successful, small_run, stderr};
 
 const SAMPLE: &str = "recordings/sample/run.rrd";
@@ -59,6 +60,84 @@ fn inspect_prints_the_same_statistics_with_and_without_tables() {
         without_round_statistics(&recording_only.episodes),
         without_round_statistics(&run_folder.episodes)
     );
+}
+
+/// A folder with `episodes.csv` alone has its episodes; a table of others is an error.
+#[test]
+fn a_table_of_episodes_alone_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = finish_small_run(folder.path(), &[]);
+    let alone = folder.path().join("alone");
+    let table = alone.join("episodes.csv");
+    std::fs::create_dir(&alone).unwrap();
+    std::fs::copy(run.join("episodes.csv"), &table).unwrap();
+    let path = alone.to_str().unwrap();
+    let summary: serde_json::Value =
+        serde_json::from_str(&run_successful(&["inspect", path, "--json"])).unwrap();
+    assert_eq!(
+        (&summary["agent_count"], &summary["episodes_per_agent"]),
+        (&2.into(), &6.into())
+    );
+    let text = run_successful(&["inspect", path]);
+    assert!(text.contains("2 agents, 6 episodes each"), "{text}");
+    assert!(
+        text.contains("not finished: in progress or interrupted"),
+        "{text}"
+    );
+    let out = folder.path().join("episodes-copy.csv");
+    run_successful(&[
+        "export",
+        path,
+        "--to",
+        out.to_str().unwrap(),
+        "--content",
+        "episodes",
+    ]);
+    assert_eq!(std::fs::read_to_string(out).unwrap().lines().count(), 13);
+    let runs: serde_json::Value =
+        serde_json::from_str(&run_successful(&["runs", path, "--json"])).unwrap();
+    assert_eq!(
+        (&runs[0]["agents"], &runs[0]["state"]),
+        (&2.into(), &"unfinished".into())
+    );
+
+    std::fs::write(&table, "foo\n1\n").unwrap();
+    let refused = run_refused(&["inspect", path]);
+    assert!(refused.contains("episodes.csv"), "{refused}");
+}
+
+/// Agents 0 and 2 visit the same states, and agent 1 has no file: its overlap with others is not known.
+#[test]
+fn agents_without_visits_have_no_overlap() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let axes = serde_json::json!([
+        {"name": "x", "unit": "", "low": 0.0, "high": 9.0},
+        {"name": "y", "unit": "", "low": 0.0, "high": 9.0},
+    ]);
+    for agent in [0, 2] {
+        write_file(
+            &run,
+            agent,
+            &file_of_states(agent, &axes, &[1.0, 2.0, 3.0, 4.0]),
+        );
+    }
+    let path = run.to_str().unwrap();
+    let summary: serde_json::Value =
+        serde_json::from_str(&run_successful(&["inspect", path, "--json"])).unwrap();
+    let unknown = serde_json::Value::Null;
+    let overlaps = &summary["overlaps"];
+    assert_eq!(
+        (&overlaps[0][1], &overlaps[1][2], &overlaps[0][2]),
+        (&unknown, &unknown, &1.0.into())
+    );
+    assert_eq!(summary["effective_agents"], 1.0);
+    let text = run_successful(&["inspect", path]);
+    assert!(
+        text.contains("effective agents: 1 of 3, 2 with visits (overlap 100.0 %)"),
+        "{text}"
+    );
+    assert!(text.contains("\n      1    –   ·   –"), "{text}");
 }
 
 /// The part of the output of `inspect` that is computed from episodes.

@@ -52,6 +52,41 @@ impl EffectTest for Opposite {
     }
 }
 
+/// The test of an effect of which the data give only a range, from tests of its smallest and of its
+/// largest possible value. Whatever in the range is true, its bounds hold (Manski 2003, "Partial
+/// identification of probability distributions"). The estimate is the middle of the range.
+#[derive(Debug)]
+pub struct OfRange {
+    /// Test of the smallest possible effect.
+    pub smallest: Box<dyn EffectTest>,
+    /// Test of the largest possible effect.
+    pub largest: Box<dyn EffectTest>,
+}
+
+impl EffectTest for OfRange {
+    fn estimate(&self) -> f64 {
+        f64::midpoint(self.smallest.estimate(), self.largest.estimate())
+    }
+
+    fn p_above(&self, effect: f64) -> f64 {
+        self.smallest.p_above(effect)
+    }
+
+    fn p_below(&self, effect: f64) -> f64 {
+        self.largest.p_below(effect)
+    }
+
+    fn limits(&self) -> [f64; 2] {
+        [self.smallest.limits()[0], self.largest.limits()[1]]
+    }
+
+    fn search_distance(&self) -> f64 {
+        let range = self.largest.estimate() - self.smallest.estimate();
+        let distances = [&self.smallest, &self.largest].map(|test| test.search_distance());
+        range + distances[0].max(distances[1])
+    }
+}
+
 /// Number of bisections of a bound: the error is 2⁻⁴⁰ of the searched range.
 const BISECTIONS: u32 = 40;
 
@@ -165,6 +200,45 @@ mod tests {
             assert_eq!(high, -lower_bound(&Uniform, 0.05, -threshold));
         }
         assert_eq!(upper_bound(&opposite, -1.0, 0.0), 2.0);
+    }
+
+    /// An effect from −3 to 5 with p-values that are uniform within ±1 has the bounds −3.9 and 5.9.
+    #[test]
+    fn bounds_of_a_range_hold_for_all_of_it() {
+        #[derive(Debug)]
+        struct Shifted(f64);
+
+        impl EffectTest for Shifted {
+            fn estimate(&self) -> f64 {
+                self.0
+            }
+
+            fn p_above(&self, effect: f64) -> f64 {
+                Uniform.p_above(effect - self.0)
+            }
+
+            fn p_below(&self, effect: f64) -> f64 {
+                Uniform.p_below(effect - self.0)
+            }
+
+            fn limits(&self) -> [f64; 2] {
+                [f64::NEG_INFINITY, f64::INFINITY]
+            }
+
+            fn search_distance(&self) -> f64 {
+                1.0
+            }
+        }
+
+        let test = OfRange {
+            smallest: Box::new(Shifted(-3.0)),
+            largest: Box::new(Shifted(5.0)),
+        };
+        assert_eq!(test.estimate(), 1.0);
+        for threshold in [-9.0, -3.95, -3.0, 0.0, 2.0] {
+            assert!((lower_bound(&test, 0.05, threshold) + 3.9).abs() < 1e-9);
+            assert!((upper_bound(&test, 0.05, 2.0 - threshold) - 5.9).abs() < 1e-9);
+        }
     }
 
     /// A p-value that falls, rises and falls again: it crosses 0.05 at −1, −2 and −3.

@@ -54,17 +54,24 @@ impl TimeToEvent {
         }
     }
 
-    /// Time up to `horizon`: the time of the run, or the horizon if the run took longer or ended
-    /// without reaching the threshold. The mean over runs is the restricted mean time; if no run
-    /// ended before the horizon without reaching the threshold, it equals
+    /// Time up to `horizon`: the time of the run, or the horizon if the run took longer. The mean over
+    /// runs is the restricted mean time, which equals
     /// `lifelines.utils.restricted_mean_survival_time` of the Kaplan–Meier curve.
+    ///
+    /// Of a run that ended before the horizon without reaching the threshold nothing is known
+    /// afterwards: the horizon is only the largest time that is possible, see
+    /// [`range_up_to`](Self::range_up_to).
     #[must_use]
     pub fn restricted_to(self, horizon: f64) -> f64 {
-        if self.observed {
-            self.time.min(horizon)
-        } else {
-            horizon
-        }
+        self.range_up_to(horizon)[1]
+    }
+
+    /// The smallest and the largest possible time up to `horizon`. They differ if the run ended before
+    /// the horizon without reaching the threshold: it may have reached it at any time afterwards.
+    #[must_use]
+    pub fn range_up_to(self, horizon: f64) -> [f64; 2] {
+        let least = self.time.min(horizon);
+        [least, if self.observed { least } else { horizon }]
     }
 }
 
@@ -258,6 +265,26 @@ mod tests {
         assert_eq!(kaplan_meier(&times("3 9+ 9+ 9+ 5")).median(), None);
         assert_eq!(kaplan_meier(&times("3 9+ 9+ 5")).median(), None);
         assert_eq!(kaplan_meier(&[]).median(), None);
+    }
+
+    /// Up to 50, a run that ended at 30 may have reached the threshold at any time after 30.
+    #[test]
+    fn times_after_the_end_of_a_run_are_unknown() {
+        let ranges = |horizon| {
+            times("20 70 30+ 60+")
+                .iter()
+                .map(|run| run.range_up_to(horizon))
+                .collect::<Vec<_>>()
+        };
+        let known = |time| [time; 2];
+        assert_eq!(
+            ranges(50.0),
+            [known(20.0), known(50.0), [30.0, 50.0], known(50.0)]
+        );
+        assert_eq!(
+            ranges(30.0),
+            [known(20.0), known(30.0), known(30.0), known(30.0)]
+        );
     }
 
     #[test]

@@ -31,8 +31,8 @@ struct RunJson<'a> {
     effective_agents: Option<f64>,
     recent_effective_agents: Option<f64>,
     agents: Vec<AgentJson>,
-    /// Overlap of the visited states of each pair of agents.
-    overlaps: Option<Vec<Vec<f64>>>,
+    /// Overlap of the visited states of each pair of agents; `null` of agents without visits.
+    overlaps: Option<Vec<Vec<Option<f64>>>>,
     observations: Vec<ObservationJson>,
 }
 

@@ -13,7 +13,7 @@ use super::plot::parse_episodes;
 use super::progress::ReadCounter;
 use super::{CliError, open_run};
 use seedbed::record::{EpisodeRow, RoundRow};
-use seedbed::run::measures::visitation::Visitation;
+use seedbed::run::measures::visitation::{Visitation, visiting_agents};
 use seedbed::run::review::recording_stats::RecordingStats;
 use seedbed::run::review::selection::EpisodeSelection;
 use seedbed::run::review::{
@@ -181,13 +181,13 @@ impl Inspected {
         lengths.sum()
     }
 
-    /// Overlap of each pair of the selected agents' visited states: `[agents][agents]`. `None` without
-    /// a recording.
-    fn overlaps(&self) -> Option<Vec<Vec<f64>>> {
+    /// Overlap of each pair of the selected agents' visited states, `None` of agents without visits:
+    /// `[agents][agents]`. `None` without a recording.
+    fn overlaps(&self) -> Option<Vec<Vec<Option<f64>>>> {
         let stats = self.stats.as_ref()?;
         let (overlaps, count) = (stats.overlaps(), stats.visitation.len());
         let overlap = |one: u32, other: u32| overlaps.get(one as usize * count + other as usize);
-        let row = |&one: &u32| -> Option<Vec<f64>> {
+        let row = |&one: &u32| -> Option<Vec<Option<f64>>> {
             self.agents
                 .iter()
                 .map(|&other| overlap(one, other).copied())
@@ -246,10 +246,12 @@ impl Inspected {
 
     /// Effective number of agents by their visits in the latest rounds.
     fn recent_effective_agents(&self) -> Option<f64> {
-        let stats = self.stats.as_ref();
-        let from_recording = stats.map(|stats| stats.recent_diversity().effective_agents);
-        let last_round = self.run.rounds.last();
-        from_recording.or(last_round.and_then(|row| row.recent_effective_agents))
+        match &self.stats {
+            Some(stats) => stats
+                .recent_diversity()
+                .map(|diversity| diversity.effective_agents),
+            None => self.run.rounds.last()?.recent_effective_agents,
+        }
     }
 
     /// Coverage of an agent, from the recording or else from the row of the agent's last update.
@@ -274,12 +276,19 @@ impl Inspected {
 
     /// Overlap of the agents' visited states, and the effective number of agents.
     fn diversity(&self) -> Option<(f64, f64)> {
-        let from_recording = self
-            .stats
-            .as_ref()
-            .map(RecordingStats::diversity)
-            .map(|diversity| (diversity.overlap, diversity.effective_agents));
-        let last_round = self.run.rounds.last();
-        from_recording.or(last_round.map(|row| (row.team_overlap, row.effective_agents)))
+        if let Some(stats) = &self.stats {
+            let diversity = stats.diversity()?;
+            return Some((diversity.overlap, diversity.effective_agents));
+        }
+        let last_round = self.run.rounds.last()?;
+        Some((last_round.team_overlap, last_round.effective_agents))
+    }
+
+    /// Number of agents with visits; without a recording, of all agents.
+    fn visiting_agents(&self) -> usize {
+        let stats = self.stats.as_ref();
+        stats.map_or(self.agents.len(), |stats| {
+            visiting_agents(&stats.visitation)
+        })
     }
 }

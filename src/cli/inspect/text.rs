@@ -15,7 +15,7 @@ use seedbed::run::review::distribution::ValueDistribution;
 use seedbed::run::review::final_mean;
 use seedbed::run::summary::FINAL_WINDOW;
 use seedbed::study::experiment::NO_THRESHOLD;
-use seedbed::text::without_trailing_zeros;
+use seedbed::text::{terminal_line, without_trailing_zeros};
 
 /// Maximum number of agents for which the overlap of each pair of agents is printed.
 const MAX_AGENTS_IN_OVERLAP_TABLE: usize = 16;
@@ -70,7 +70,7 @@ impl TerminalSummary<'_> {
         };
         let mut text = format!(
             "{}: {who}, {}{}, {} env steps\n",
-            bold(&run.name()),
+            bold(&terminal_line(&run.name())),
             self.episode_count(learners.as_deref()),
             if learner_count == 1 { "" } else { " each" },
             with_thousands_separators(env_steps)
@@ -273,13 +273,17 @@ impl TerminalSummary<'_> {
         let agents = self.inspected.agents.len();
         match self.inspected.diversity() {
             Some((overlap, effective_agents)) if agents > 1 => {
+                let visiting = match self.inspected.visiting_agents() {
+                    visiting if visiting < agents => format!(", {visiting} with visits"),
+                    _ => String::new(),
+                };
                 let recent = self.inspected.recent_effective_agents();
                 let recent = recent.map_or(String::new(), |recent| {
                     let recent = format_number(recent);
                     format!("; by visits of the latest {RECENT_ROUNDS} rounds: {recent}")
                 });
                 format!(
-                    "  effective agents: {} of {agents} (overlap {}){recent}\n",
+                    "  effective agents: {} of {agents}{visiting} (overlap {}){recent}\n",
                     format_number(effective_agents),
                     format_percent(Some(overlap))
                 )
@@ -303,12 +307,10 @@ impl TerminalSummary<'_> {
         text.extend(agents.iter().map(|agent| format!("{agent:>4}")));
         for (one, row) in agents.iter().zip(overlaps) {
             let _ = write!(text, "\n  {one:>5} ");
-            let cell = |(other, overlap): (&u32, f64)| {
-                if one == other {
-                    "   ·".to_owned()
-                } else {
-                    format!("{:>4.0}", 100.0 * overlap)
-                }
+            let cell = |(other, overlap): (&u32, Option<f64>)| match overlap {
+                _ if one == other => "   ·".to_owned(),
+                Some(overlap) => format!("{:>4.0}", 100.0 * overlap),
+                None => "   –".to_owned(),
             };
             text.extend(agents.iter().zip(row).map(cell));
         }
@@ -391,11 +393,12 @@ impl TerminalSummary<'_> {
             .chain(single_recording)
             .filter(|path| path.is_file())
         {
-            let _ = writeln!(text, "  {} ({})", path.display(), file_size(&path));
+            let name = terminal_line(&path.to_string_lossy());
+            let _ = writeln!(text, "  {name} ({})", file_size(&path));
         }
         text + &format!(
             "  to draw visited states: seedbed plot {}\n",
-            run.path.display()
+            terminal_line(&run.path.to_string_lossy())
         )
     }
 }

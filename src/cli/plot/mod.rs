@@ -61,7 +61,8 @@ pub(super) struct PlotArgs {
     #[arg(long, value_name = "A..B", value_parser = parse_episodes)]
     episodes: Option<Range<u32>>,
     /// Draw only states in this range of an observation, an action, reward, step, return or another
-    /// quantity, e.g. theta=-0.1..0.2 or return=150..; can be repeated
+    /// quantity, e.g. theta=-0.1..0.2 or return=150..; can be repeated. If several have a name, write
+    /// its kind as well, e.g. action:x=0..
     #[arg(long = "where", value_name = "NAME=LOW..HIGH")]
     conditions: Vec<String>,
     /// Draw only these axes, in this order, e.g. theta,x [default: all]

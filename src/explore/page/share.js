@@ -163,6 +163,12 @@ function shellWord(word) {
   return /^[\w./:=,@%+-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`;
 }
 
+/** Name of an axis in a command: with its kind, such as `action:x`, if axes of several kinds have its name. */
+function commandName(axes, a) {
+  const { name, kind } = axes[a];
+  return axes.some((axis) => axis.name === name && axis.kind !== kind) ? `${kind}:${name}` : name;
+}
+
 /** The command that draws the selected states, as far as `seedbed plot` can. */
 function toCommand(app) {
   const { view, axes } = app;
@@ -172,7 +178,7 @@ function toCommand(app) {
   if (view.agents) words.push("--agents", [...view.agents].sort((one, other) => one - other).join(","));
   if (view.from > view.first || view.to < view.last) words.push("--episodes", `${view.from}..${view.to + 1}`);
   for (const [a, brush] of view.brushes.entries()) {
-    if (brush) words.push("--where", `${axes[a].name}=${rangeTexts(axes[a], brush).join("..")}`);
+    if (brush) words.push("--where", `${commandName(axes, a)}=${rangeTexts(axes[a], brush).join("..")}`);
   }
   words.push("--out", "states.svg");
   return words.map(shellWord).join(" ");

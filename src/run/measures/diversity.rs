@@ -49,15 +49,17 @@ fn count_log(count: u32) -> f64 {
 }
 
 /// Adds an agent's distribution to the mixture of the team: mixtureᵢ += share · countᵢ / Σ count.
+/// → Σ count
 ///
 /// `counts`, `mixture: [cells]`
-pub fn add_to_mixture(counts: &[u32], share: f64, mixture: &mut [f64]) {
+pub fn add_to_mixture(counts: &[u32], share: f64, mixture: &mut [f64]) -> u64 {
     let total: u64 = counts.iter().map(|&count| u64::from(count)).sum();
     let weight = share / total.max(1) as f64;
     mixture
         .iter_mut()
         .zip(counts)
         .for_each(|(sum, &count)| *sum += weight * f64::from(count));
+    total
 }
 
 /// Entropy of a distribution, H = −Σ p ln p.   `probabilities: [cells]` → nats
@@ -78,9 +80,9 @@ pub fn distribution_entropy(probabilities: &[f64]) -> f64 {
 pub fn divergence<'a>(agents: impl ExactSizeIterator<Item = &'a [u32]> + Clone) -> f64 {
     let share = 1.0 / agents.len() as f64;
     let mut mixture = vec![0.0; agents.clone().next().map_or(0, <[u32]>::len)];
-    agents
-        .clone()
-        .for_each(|counts| add_to_mixture(counts, share, &mut mixture));
+    for counts in agents.clone() {
+        add_to_mixture(counts, share, &mut mixture);
+    }
     distribution_entropy(&mixture) - share * agents.map(entropy).sum::<f64>()
 }
 
@@ -117,6 +119,25 @@ impl Diversity {
             effective_agents: libm::exp(divergence),
         }
     }
+}
+
+/// Diversity of the agents in several grids, of which each has the agents that visited it, K × `[cells]`.
+/// JS and JS / ln K are averaged over the grids with visits of at least two agents; `None` if there are
+/// none: agents can only be compared where both were.
+#[must_use]
+pub fn diversity_of_grids(grids: &[Vec<&[u32]>]) -> Option<Diversity> {
+    let compared = grids.iter().filter(|agents| agents.len() > 1);
+    let (mut count, mut divergences, mut shares) = (0.0, 0.0, 0.0);
+    for agents in compared {
+        let divergence = divergence(agents.iter().copied()).max(0.0);
+        count += 1.0;
+        divergences += divergence;
+        shares += divergence / log(agents.len() as f64);
+    }
+    (count > 0.0).then(|| Diversity {
+        overlap: (1.0 - shares / count).clamp(0.0, 1.0),
+        effective_agents: libm::exp(divergences / count),
+    })
 }
 
 #[cfg(test)]
@@ -174,6 +195,25 @@ mod tests {
             (partly.overlap - (0.75 * 3_f64.log2() - 0.5)).abs() < 1e-12,
             "1 − JS / ln 2 = ¾ log₂ 3 − ½: {partly:?}"
         );
+    }
+
+    /// Three agents in a grid where two of them are alike and the third is elsewhere, JS = H(⅔, ⅓); two
+    /// in a grid where they are disjoint, JS = ln 2; one in a grid that says nothing.
+    #[test]
+    fn agents_are_compared_where_they_were() {
+        let (left, right) = (&[1, 0][..], &[0, 5][..]);
+        let grids = [
+            vec![left, left, right],
+            vec![left, right],
+            vec![left],
+            vec![],
+        ];
+        let found = diversity_of_grids(&grids).unwrap();
+        let of_three = 3_f64.ln() - 2.0 / 3.0 * 2_f64.ln();
+        let effective = f64::midpoint(of_three, 2_f64.ln()).exp();
+        assert!((found.effective_agents - effective).abs() < 1e-12);
+        assert!((found.overlap - (1.0 - f64::midpoint(of_three / 3_f64.ln(), 1.0))).abs() < 1e-12);
+        assert_eq!(diversity_of_grids(&grids[2..]), None);
     }
 
     #[test]

@@ -81,9 +81,10 @@ impl LatestVisits {
     }
 
     /// How different the agents' visits in the latest [`RECENT_ROUNDS`] rounds are. `none` has no
-    /// visits. If agents do not share their rounds, the latest rounds are those of each agent.
+    /// visits. If agents do not share their rounds, the latest rounds are those of each agent. `None` if
+    /// no two agents with visits can be compared.
     #[must_use]
-    pub fn diversity(&self, none: &Visitation, rounds_are_shared: bool) -> Diversity {
+    pub fn diversity(&self, none: &Visitation, rounds_are_shared: bool) -> Option<Diversity> {
         let rounds = self.agents.iter().flatten().map(|(round, _)| *round);
         let last = rounds.max().unwrap_or(0);
         let mut visitation = vec![none.clone(); self.agents.len()];
@@ -93,8 +94,7 @@ impl LatestVisits {
                 .filter(|(round, _)| !rounds_are_shared || is_recent(*round, last));
             recent.for_each(|(_, states)| visitation.add(states));
         }
-        let entropies: Vec<f64> = visitation.iter().map(Visitation::entropy).collect();
-        visitation::diversity(&visitation, &entropies)
+        visitation::diversity_of_team(&visitation)
     }
 }
 
@@ -171,7 +171,9 @@ mod tests {
                 by_agent.add(agent as usize, round, states_of(agent, round));
             }
         }
-        let found = by_agent.diversity(&Visitation::new(&spec(2)), true);
+        let found = by_agent
+            .diversity(&Visitation::new(&spec(2)), true)
+            .unwrap();
         assert!(found.effective_agents > 1.1 && found.effective_agents < 1.99);
         assert_eq!(
             found.effective_agents,
@@ -191,7 +193,8 @@ mod tests {
         }
         let effective_agents = |rounds_are_shared| {
             let none = Visitation::new(&spec(2));
-            visits.diversity(&none, rounds_are_shared).effective_agents
+            let found = visits.diversity(&none, rounds_are_shared);
+            found.unwrap().effective_agents
         };
         assert_eq!(effective_agents(true), 1.0);
         assert!((effective_agents(false) - 2.0).abs() < 1e-12);

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::diversity::{Diversity, add_to_mixture, distribution_entropy, entropy};
+use super::diversity::{
+    Diversity, add_to_mixture, distribution_entropy, diversity_of_grids, entropy,
+};
 use seedbed_env::{Quantity, TaskSpec};
 
 /// Number of cells of a grid along one observation.
@@ -208,21 +210,45 @@ pub fn team_coverage(agents: &[Visitation]) -> f64 {
     (0..cells).filter(visited).count() as f64 / cells as f64
 }
 
-/// How different the visited states of the agents are. Agents without visits are ignored, all other
-/// agents have equal weights. `agents: [K]`; `entropies: [K]`
+/// How different the visited states of the agents are, as [`known_diversity`]; without two agents with
+/// visits, that of a single agent.
+#[must_use]
+pub fn diversity(agents: &[Visitation], entropies: &[f64]) -> Diversity {
+    known_diversity(agents, entropies).unwrap_or_else(|| Diversity::from_divergence(0.0, 1))
+}
+
+/// Diversity of the visits of a team as a reader is told it: 1 if only one agent has visits, and `None`
+/// if none has or if no two can be compared. `agents: [K]`
+#[must_use]
+pub fn diversity_of_team(agents: &[Visitation]) -> Option<Diversity> {
+    let entropies: Vec<f64> = agents.iter().map(Visitation::entropy).collect();
+    match visiting_agents(agents) {
+        1 => Some(diversity(agents, &entropies)),
+        _ => known_diversity(agents, &entropies),
+    }
+}
+
+/// Number of agents with visits.
+#[must_use]
+pub fn visiting_agents(agents: &[Visitation]) -> usize {
+    agents.iter().filter(|agent| agent.visited > 0).count()
+}
+
+/// How different the visited states of the agents are. In each grid, agents without visits are ignored,
+/// all other agents have equal weights. `None` if no grid has visits of two agents.
+/// `agents: [K]`; `entropies: [K]`
 ///
 /// Takes O(K · cells): it is the divergence of the agents from their mixture, not of each pair.
 #[must_use]
-pub fn diversity(agents: &[Visitation], entropies: &[f64]) -> Diversity {
-    let with_visits = || {
-        agents
-            .iter()
-            .zip(entropies)
-            .filter(|(agent, _)| agent.visited > 0)
-    };
-    let count = with_visits().count();
+pub fn known_diversity(agents: &[Visitation], entropies: &[f64]) -> Option<Diversity> {
+    let with_visits: Vec<(&Visitation, &f64)> = agents
+        .iter()
+        .zip(entropies)
+        .filter(|(agent, _)| agent.visited > 0)
+        .collect();
+    let count = with_visits.len();
     if count < 2 {
-        return Diversity::from_divergence(0.0, count);
+        return None;
     }
     let share = 1.0 / count as f64;
     let grids = agents[0].grids().len();
@@ -231,16 +257,28 @@ pub fn diversity(agents: &[Visitation], entropies: &[f64]) -> Diversity {
     for grid in 0..grids {
         let cells = grid * mixture.len()..(grid + 1) * mixture.len();
         mixture.fill(0.0);
-        with_visits().for_each(|(agent, _)| {
-            add_to_mixture(&agent.counts[cells.clone()], share, &mut mixture);
-        });
+        for (agent, _) in &with_visits {
+            if add_to_mixture(&agent.counts[cells.clone()], share, &mut mixture) == 0 {
+                return diversity_of_different_grids(agents);
+            }
+        }
         mixture_entropies += distribution_entropy(&mixture);
     }
-    Diversity::from_divergence(
-        mixture_entropies / grids as f64
-            - share * with_visits().map(|(_, entropy)| entropy).sum::<f64>(),
-        count,
-    )
+    let entropies = with_visits.iter().map(|(_, entropy)| **entropy);
+    let divergence = mixture_entropies / grids as f64 - share * entropies.sum::<f64>();
+    Some(Diversity::from_divergence(divergence, count))
+}
+
+/// Diversity of agents of which some have no visit in some grids, because an observation was always
+/// NaN.
+fn diversity_of_different_grids(agents: &[Visitation]) -> Option<Diversity> {
+    let visited = |grid: usize| {
+        let counts = agents.iter().filter_map(|agent| agent.grids().nth(grid));
+        let visited = counts.filter(|counts| counts.iter().any(|&count| count > 0));
+        visited.collect::<Vec<&[u32]>>()
+    };
+    let grids: Vec<Vec<&[u32]>> = (0..agents[0].grids().len()).map(visited).collect();
+    diversity_of_grids(&grids)
 }
 
 /// The format of counts in checkpoints: the number of cells, then two numbers for each visited
@@ -396,6 +434,27 @@ mod tests {
                 effective_agents: 1.0
             }
         );
+    }
+
+    /// Two agents visit the same cells, but the third observation of one is NaN: in the only grid that
+    /// both visited they are alike. An agent at NaN only cannot be compared with another.
+    #[test]
+    fn agents_are_compared_in_grids_that_both_visited() {
+        let nan = f32::NAN;
+        let (whole, part) = (visited(3, &[1.0, 2.0, 3.0]), visited(3, &[1.0, 2.0, nan]));
+        let nowhere = visited(3, &[nan; 3]);
+        let alike = Diversity::from_divergence(0.0, 2);
+        assert_eq!(
+            diversity_of_team(&[part.clone(), whole.clone()]),
+            Some(alike)
+        );
+        let three = [part.clone(), whole.clone(), nowhere.clone()];
+        assert_eq!(
+            (diversity_of_team(&three), visiting_agents(&three)),
+            (Some(alike), 2)
+        );
+        assert_eq!(known_diversity(&[whole, nowhere.clone()], &[0.0; 2]), None);
+        assert_eq!(diversity_of_team(&[nowhere.clone(), nowhere]), None);
     }
 
     #[test]

@@ -35,7 +35,8 @@ const COMMON: [(&str, StateQuantity); 6] = [
 ];
 
 impl Condition {
-    /// Reads `NAME=LOW..HIGH`, in which one of both ends may be left out.
+    /// Reads `NAME=LOW..HIGH`, in which one of both ends may be left out. If several quantities have a
+    /// name, it is that of an observation or else of an action; `KIND:NAME` names the others.
     ///
     /// # Errors
     /// What is wrong and what was expected.
@@ -57,10 +58,9 @@ impl Condition {
             return Err("the range is empty; expected LOW below HIGH".to_owned());
         }
         let quantities = quantities(recording);
-        let name = name.trim();
-        let named = quantities.iter().find(|(known, _)| known == name);
-        let quantity = named.map(|(_, quantity)| *quantity).ok_or_else(|| {
+        let quantity = find(&quantities, name.trim()).ok_or_else(|| {
             let names: Vec<&str> = quantities.iter().map(|(name, _)| name.as_str()).collect();
+            let name = name.trim();
             format!("no quantity `{name}`; expected one of {}", names.join(", "))
         })?;
         Ok(Self { quantity, range })
@@ -88,7 +88,32 @@ fn quantities(recording: &RecordedStates) -> Vec<(String, StateQuantity)> {
     of_task.chain(common).collect()
 }
 
+/// The quantity with a name or, if several have it, with its kind before the name, such as `action:x`.
+fn find(quantities: &[(String, StateQuantity)], name: &str) -> Option<StateQuantity> {
+    let named = |(known, _): &&(String, StateQuantity)| known == name;
+    let has_kind = |(known, quantity): &&(String, StateQuantity)| {
+        name.strip_prefix(quantity.kind()) == Some(&format!(":{known}"))
+    };
+    let mut all = quantities.iter();
+    let found = all.find(named).or_else(|| quantities.iter().find(has_kind));
+    found.map(|(_, quantity)| *quantity)
+}
+
 impl StateQuantity {
+    /// The kind, as on axes of the page of `seedbed explore`.
+    fn kind(self) -> &'static str {
+        match self {
+            Self::Observation(_) => "observation",
+            Self::Action(_) => "action",
+            Self::Reward => "reward",
+            Self::IntrinsicReward => "intrinsic_reward",
+            Self::Advantage => "advantage",
+            Self::Step => "step",
+            Self::Episode => "episode",
+            Self::Return => "return",
+        }
+    }
+
     fn value(self, episode: &RecordedEpisode, step: usize) -> Option<f64> {
         let length = episode.length();
         let single = match self {
@@ -151,6 +176,34 @@ mod tests {
             steps_that_meet(StateQuantity::Episode, 4.0..=9.0),
             [0_usize; 0]
         );
+    }
+
+    /// An observation and an action `x`, and an observation `return`: each has its own name.
+    #[test]
+    fn equal_names_are_told_apart_by_their_kinds() {
+        let (observed, acted) = (StateQuantity::Observation, StateQuantity::Action);
+        let mut quantities = vec![
+            ("x".to_owned(), observed(0)),
+            ("return".to_owned(), observed(1)),
+            ("x".to_owned(), acted(0)),
+        ];
+        quantities.extend(COMMON.map(|(name, quantity)| (name.to_owned(), quantity)));
+        for (name, expected) in [
+            ("x", Some(observed(0))),
+            ("observation:x", Some(observed(0))),
+            ("action:x", Some(acted(0))),
+            ("return", Some(observed(1))),
+            ("return:return", Some(StateQuantity::Return)),
+            (
+                "intrinsic_reward:intrinsic reward",
+                Some(StateQuantity::IntrinsicReward),
+            ),
+            ("reward", Some(StateQuantity::Reward)),
+            ("action:return", None),
+            ("action", None),
+        ] {
+            assert_eq!(find(&quantities, name), expected, "{name}");
+        }
     }
 
     /// The last state has no action and no reward.

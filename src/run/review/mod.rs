@@ -122,7 +122,8 @@ impl LoadedRun {
         if !episodes.is_file() && recording.is_none() {
             return Err(no_run(path));
         }
-        let has_tables = episodes.is_file() && rounds.is_file();
+        // A recording has the episodes as well.
+        let has_tables = episodes.is_file() && (rounds.is_file() || recording.is_none());
         let summary = if has_tables {
             Summary::read(&folder)?
         } else {
@@ -143,7 +144,7 @@ impl LoadedRun {
             is_finished: summary.is_some(),
             summary,
             episodes: read_table(&checksums, &episodes, has_tables)?,
-            rounds: read_table(&checksums, &rounds, has_tables)?,
+            rounds: read_table(&checksums, &rounds, has_tables && rounds.is_file())?,
             folder: has_tables.then_some(folder),
             warnings,
             recording,

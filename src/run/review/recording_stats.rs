@@ -10,7 +10,7 @@ use crate::record::{EpisodeRow, ReadError, RecordedEpisode, RecordedStates};
 use crate::run::measures::diversity::Diversity;
 use crate::run::measures::first_visits::FirstRounds;
 use crate::run::measures::recent::LatestVisits;
-use crate::run::measures::visitation::{StateBins, Visitation, diversity};
+use crate::run::measures::visitation::{StateBins, Visitation, diversity_of_team, known_diversity};
 use seedbed_env::Quantity;
 
 /// Statistics of a recording. Memory grows by one row per episode, not with the number of states.
@@ -165,16 +165,18 @@ impl RecordingStats {
         }
     }
 
-    /// Overlap of each pair of agents' visits, 0 to 1: `[K × K]`.
+    /// Overlap of each pair of agents' visits, 0 to 1; `None` if they cannot be compared, because one has
+    /// no visits: `[K × K]`.
     #[must_use]
-    pub fn overlaps(&self) -> Vec<f64> {
+    pub fn overlaps(&self) -> Vec<Option<f64>> {
         let agents = &self.visitation;
         let entropy: Vec<f64> = agents.iter().map(Visitation::entropy).collect();
         let overlap = |one: usize, other: usize| {
             let pair = [agents[one].clone(), agents[other].clone()];
-            diversity(&pair, &[entropy[one], entropy[other]]).overlap
+            let diversity = known_diversity(&pair, &[entropy[one], entropy[other]]);
+            diversity.map(|diversity| diversity.overlap)
         };
-        let mut overlaps = vec![1.0; agents.len() * agents.len()];
+        let mut overlaps = vec![Some(1.0); agents.len() * agents.len()];
         for one in 0..agents.len() {
             for other in one + 1..agents.len() {
                 let overlap = overlap(one, other);
@@ -194,7 +196,7 @@ impl RecordingStats {
     /// Diversity of the whole team's visits in the latest rounds. Agents that another program trained
     /// need not have played as many episodes as the others: of each, the latest episodes count.
     #[must_use]
-    pub fn recent_diversity(&self) -> Diversity {
+    pub fn recent_diversity(&self) -> Option<Diversity> {
         let quantities = self
             .distributions
             .iter()
@@ -203,11 +205,10 @@ impl RecordingStats {
         self.latest.diversity(&no_visits, self.rounds_are_shared)
     }
 
-    /// Diversity of the whole team's visits.
+    /// Diversity of the whole team's visits; `None` if no two agents with visits can be compared.
     #[must_use]
-    pub fn diversity(&self) -> Diversity {
-        let entropy: Vec<f64> = self.visitation.iter().map(Visitation::entropy).collect();
-        diversity(&self.visitation, &entropy)
+    pub fn diversity(&self) -> Option<Diversity> {
+        diversity_of_team(&self.visitation)
     }
 }
 

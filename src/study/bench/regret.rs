@@ -107,6 +107,7 @@ fn scores(bench: &Bench) -> Vec<RunScore> {
         run_seed,
         value,
         observed_until: f64::INFINITY,
+        magnitude: f64::abs(value),
     };
     (0..).zip(regrets(bench)).map(score).collect()
 }

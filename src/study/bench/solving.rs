@@ -144,6 +144,7 @@ fn score(outcome: &Outcome, run_seed: u64, time: f64) -> RunScore {
         run_seed,
         value,
         observed_until,
+        magnitude: value,
     }
 }
 

@@ -99,7 +99,7 @@ struct Places {
 fn read_runs(mut rows: Rows<'_>, columns: &FoundColumns) -> Result<Runs, InputError> {
     let (mut runs, mut places) = (Runs::new(), Places::default());
     while rows.advance()? {
-        let place = places.of_row(&rows, columns, &mut runs);
+        let place = places.of_row(&rows, columns, &mut runs)?;
         check_episode(&rows, columns, place)?;
         let agent = &mut runs[place.run].1[place.agent];
         add_episode(agent, &rows, columns)?;
@@ -114,17 +114,15 @@ impl Places {
         rows: &Rows<'_>,
         columns: &FoundColumns,
         runs: &mut Runs,
-    ) -> &mut AgentPlace {
-        let run = columns
-            .run
-            .as_ref()
-            .map_or(&b""[..], |(column, _)| rows.bytes(*column));
-        let agent = columns.agent.map_or(&b""[..], |column| rows.bytes(column));
+    ) -> Result<&mut AgentPlace, InputError> {
+        let name = |column: Option<Column>| column.map_or(Ok(&b""[..]), |column| rows.name(column));
+        let run = name(columns.run.as_ref().map(|(column, _)| *column))?;
+        let agent = name(columns.agent)?;
         if let Some((names, index)) = &self.newest
             && names[0] == run
             && names[1] == agent
         {
-            return &mut self.agents[*index];
+            return Ok(&mut self.agents[*index]);
         }
         let names = [run.to_vec(), agent.to_vec()];
         let index = match self.by_names.get(&names) {
@@ -132,7 +130,7 @@ impl Places {
             None => self.add(&names, runs),
         };
         self.newest = Some((names, index));
-        &mut self.agents[index]
+        Ok(&mut self.agents[index])
     }
 
     fn add(&mut self, names: &[Vec<u8>; 2], runs: &mut Runs) -> usize {

@@ -94,6 +94,7 @@ pub(super) struct Rows<'a> {
     /// Number of lines before the header.
     lines_before: u64,
     header: Vec<String>,
+    text: &'a [u8],
     reader: csv::Reader<&'a [u8]>,
     record: csv::ByteRecord,
 }
@@ -109,6 +110,7 @@ impl<'a> Rows<'a> {
         text: &'a [u8],
         lines_before: u64,
     ) -> Result<Self, InputError> {
+        check_quotes(file, text, lines_before)?;
         let mut reader = csv::ReaderBuilder::new()
             .flexible(true)
             .trim(csv::Trim::All)
@@ -128,6 +130,7 @@ impl<'a> Rows<'a> {
             file,
             lines_before,
             header,
+            text,
             reader,
             record: csv::ByteRecord::new(),
         })
@@ -231,27 +234,110 @@ impl<'a> Rows<'a> {
         })
     }
 
+    /// The text in a column of this row, which names something.
+    pub(super) fn name(&self, column: Column) -> Result<&[u8], InputError> {
+        let name = self.bytes(column);
+        if name.is_empty() {
+            return Err(self.error(column, "expected a name, found none".to_owned()));
+        }
+        Ok(name)
+    }
+
     /// An error about a value of this row.
     pub(super) fn error(&self, column: Column, message: String) -> InputError {
-        let line = self.record.position().map_or(0, csv::Position::line) + self.lines_before;
-        let mut lines = self.file.bytes.split(|&byte| byte == b'\n');
-        let text = lines
-            .nth(line.saturating_sub(1) as usize)
-            .unwrap_or_default();
-        let before: usize = (0..column.0.min(self.record.len()))
-            .map(|column| self.record[column].len() + 1)
-            .sum();
+        let record = self.record.position().map_or(0, csv::Position::byte) as usize;
+        // The place of a row is that of the empty lines before it.
+        let text = self.text.get(record..).unwrap_or_default();
+        let is_text = |byte: &u8| !b"\r\n".contains(byte);
+        let row = record + text.iter().position(is_text).unwrap_or(0);
+        let place = row + start_of_field(&self.text[row..], column.0);
         InputError {
-            origin: self.file.path.display().to_string(),
-            position: Some(Position {
-                line: line as usize,
-                column: before + 1,
-                text: String::from_utf8_lossy(text).trim_end().to_owned(),
-            }),
             field: self.header.get(column.0).cloned().unwrap_or_default(),
-            message,
-            help: None,
+            ..error_at(self.file, self.text, place, self.lines_before, message)
         }
+    }
+}
+
+/// Whether a text in CSV is in a field, and in quotation marks.
+#[derive(Clone, Copy, Default, PartialEq)]
+enum Quotes {
+    #[default]
+    BeforeField,
+    Plain,
+    Open,
+    Closed,
+}
+
+impl Quotes {
+    fn after(self, byte: u8) -> Self {
+        match (self, byte) {
+            (Self::Open, b'"') => Self::Closed,
+            (Self::Open, _) | (Self::BeforeField | Self::Closed, b'"') => Self::Open,
+            (_, b',' | b'\r' | b'\n') => Self::BeforeField,
+            _ => Self::Plain,
+        }
+    }
+}
+
+/// Checks that every quotation mark is closed: otherwise all rows behind it would be one value.
+fn check_quotes(file: &DataFile, text: &[u8], lines_before: u64) -> Result<(), InputError> {
+    let (mut quotes, mut opened) = (Quotes::default(), 0);
+    for (place, &byte) in text.iter().enumerate() {
+        let next = quotes.after(byte);
+        if (quotes, next) == (Quotes::BeforeField, Quotes::Open) {
+            opened = place;
+        }
+        quotes = next;
+    }
+    if quotes == Quotes::Open {
+        let message = "expected a second quotation mark, found the end of the file";
+        return Err(error_at(
+            file,
+            text,
+            opened,
+            lines_before,
+            message.to_owned(),
+        ));
+    }
+    Ok(())
+}
+
+/// Number of bytes in a row before the field with this index, and before what is not blank in it.
+fn start_of_field(row: &[u8], field: usize) -> usize {
+    let (mut quotes, mut fields) = (Quotes::default(), 0);
+    for (place, &byte) in row.iter().enumerate() {
+        if fields == field && !b" \t".contains(&byte) {
+            return place;
+        }
+        quotes = quotes.after(byte);
+        fields += usize::from(byte == b',' && quotes == Quotes::BeforeField);
+    }
+    row.len()
+}
+
+/// An error about a place in the lines of a file after the first `lines_before`, given by the number of
+/// bytes before it.
+fn error_at(
+    file: &DataFile,
+    text: &[u8],
+    place: usize,
+    lines_before: u64,
+    message: String,
+) -> InputError {
+    let before = &text[..place];
+    let start = before.iter().rposition(|&byte| byte == b'\n');
+    let start = start.map_or(0, |line_break| line_break + 1);
+    let line = text[start..].split(|&byte| byte == b'\n').next();
+    let lines = before.split(|&byte| byte == b'\n').count();
+    InputError {
+        position: Some(Position {
+            line: lines_before as usize + lines,
+            column: String::from_utf8_lossy(&before[start..]).chars().count() + 1,
+            text: String::from_utf8_lossy(line.unwrap_or_default())
+                .trim_end()
+                .to_owned(),
+        }),
+        ..file.error(message)
     }
 }
 
@@ -320,6 +406,67 @@ mod tests {
         assert_eq!(file("a\nb").complete_lines(), (&b"a\n"[..], true));
         assert_eq!(file("a").complete_lines(), (&b""[..], true));
         assert_eq!(file("").complete_lines(), (&b""[..], false));
+    }
+
+    fn rows_error(text: &str, read: impl Fn(&Rows<'_>) -> Option<InputError>) -> String {
+        let file = file(text);
+        let error = (|| {
+            let mut rows = Rows::new(&file, file.complete_lines().0, 0)?;
+            while rows.advance()? {
+                if let Some(error) = read(&rows) {
+                    return Err(error);
+                }
+            }
+            Ok(())
+        })();
+        let error = error.unwrap_err();
+        let position = error.position.unwrap();
+        format!(
+            "{}:{} {}: {}",
+            position.line, position.column, position.text, error.message
+        )
+    }
+
+    /// Lines and columns as in the file, whatever the reader skips.
+    #[test]
+    fn errors_have_the_places_of_the_file() {
+        let number = |rows: &Rows<'_>| rows.number(Column(1)).err();
+        let found = "expected a finite number, found";
+        for (text, expected) in [
+            ("a,b\n1,x\n", format!("2:3 1,x: {found} `x`")),
+            ("a,b\n1,2\n\n\n1,x\n", format!("5:3 1,x: {found} `x`")),
+            ("a,b\r\n1,2\r\n\r\n1,x\r\n", format!("4:3 1,x: {found} `x`")),
+            ("a,b\n ä ,  x\n", format!("2:7  ä ,  x: {found} `x`")),
+            ("a,b\n\"1,\n2\",x\n", format!("3:4 2\",x: {found} `x`")),
+            ("a,b\n1,\n", format!("2:3 1,: {found} ``")),
+        ] {
+            assert_eq!(rows_error(text, number), expected, "{text:?}");
+        }
+        assert_eq!(
+            rows_error("return\n1\n\n\n,\n", |_| None),
+            "5:2 ,: expected 1 values, as in the header, found 2"
+        );
+    }
+
+    #[test]
+    fn quotation_marks_are_closed() {
+        let message = "expected a second quotation mark, found the end of the file";
+        for (text, place) in [
+            ("return,run\n1,\"a\n2,a\n3,b\n", "2:3 1,\"a"),
+            ("return,\"run\n1,a\n", "1:8 return,\"run"),
+            ("r,n\n1,\"a\"\"\n", "2:3 1,\"a\"\""),
+        ] {
+            assert_eq!(rows_error(text, |_| None), format!("{place}: {message}"));
+        }
+        for text in [
+            "r,n\n1,\"a\n b\"\n",
+            "r,n\n1,a\"\n",
+            "r,n\n1,\"a\"\"b\"\n",
+            "r,n\n1,\"\"\n",
+        ] {
+            let file = file(text);
+            assert!(Rows::new(&file, text.as_bytes(), 0).is_ok(), "{text}");
+        }
     }
 
     /// Files that existed, their copies, and files that continue them; the hash is that of the bytes.

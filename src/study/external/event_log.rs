@@ -67,6 +67,10 @@ struct OtherTag {
     has_steps: bool,
     /// Whether its steps and those of the values do not decrease, in the order of the records.
     is_in_order: bool,
+    /// Number of its events.
+    events: usize,
+    /// Whether an event of it comes after a value.
+    follows_value: bool,
     /// Number of values before its newest event.
     values_before: usize,
     newest: i64,
@@ -147,6 +151,8 @@ impl EventLog {
             other.is_in_order &= other.precedes_next_of(&self.values);
             other.is_in_order &= step >= other.newest && step >= newest_value;
             other.has_steps |= step != 0;
+            other.events += 1;
+            other.follows_value |= !self.values.is_empty();
             (other.values_before, other.newest) = (self.values.len(), step);
             return;
         }
@@ -154,6 +160,8 @@ impl EventLog {
             first: step,
             has_steps: step != 0,
             is_in_order: step >= newest_value,
+            events: 1,
+            follows_value: !self.values.is_empty(),
             values_before: self.values.len(),
             newest: step,
         };
@@ -186,6 +194,12 @@ impl EventLog {
 }
 
 impl OtherTag {
+    /// Whether the order of its events and the values can show that both count the same: one event, or
+    /// events before all values, are in order whatever they count.
+    fn is_evidence(&self) -> bool {
+        self.events > 1 && self.follows_value
+    }
+
     /// Whether the value after its newest event, if there is one, has no smaller step.
     fn precedes_next_of(&self, values: &[LoggedValue]) -> bool {
         let next = values.get(self.values_before);
@@ -194,18 +208,19 @@ impl OtherTag {
 }
 
 /// Whether the steps of another tag count the same as those of the values: in all files that have
-/// both, they do not decrease in the order of the records. Others may count episodes or updates.
+/// both, they do not decrease in the order of the records, and one of the files has several events of it.
+/// Others may count episodes, updates or processes.
 fn steps_count_the_same(tag: &str, all: &[EventLog]) -> bool {
     let with_tag = || {
         let logs = all.iter();
         logs.filter_map(|log| Some((log, log.others.get(tag)?)))
     };
-    let mut with_both = with_tag().filter(|(log, _)| !log.values.is_empty());
+    let with_both = || with_tag().filter(|(log, _)| !log.values.is_empty());
     let is_in_order = |(log, other): (&EventLog, &OtherTag)| {
         other.is_in_order && other.precedes_next_of(&log.values)
     };
-    with_both.clone().next().is_some()
-        && with_both.all(is_in_order)
+    with_both().any(|(_, other)| other.is_evidence())
+        && with_both().all(is_in_order)
         && with_tag().any(|(_, other)| other.has_steps)
 }
 

@@ -10,6 +10,7 @@ mod data_file;
 mod event_files;
 mod event_log;
 mod monitor;
+mod pattern;
 mod read_run;
 mod run_data;
 mod run_folder;
@@ -18,12 +19,12 @@ pub mod source;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use glob::{MatchOptions, Pattern};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 pub use self::data_file::FileHash;
 pub(super) use self::data_file::SeenFiles;
+use self::pattern::matching_paths;
 pub use self::read_run::ExternalRun;
 use self::read_run::ReadRun;
 use self::run_data::Limits;
@@ -508,31 +509,6 @@ fn check_spec(spec: &ExternalSpec) -> Result<(), ValidationError> {
         ));
     }
     Ok(())
-}
-
-/// Paths that a pattern matches, in alphabetical order.
-fn matching_paths(
-    folder: &Path,
-    pattern: &Located<String>,
-) -> Result<Vec<PathBuf>, ValidationError> {
-    let text = if folder.as_os_str().is_empty() || Path::new(pattern.value()).is_absolute() {
-        pattern.value().clone()
-    } else {
-        format!(
-            "{}/{}",
-            Pattern::escape(&folder.to_string_lossy()),
-            pattern.value()
-        )
-    };
-    let options = MatchOptions {
-        require_literal_separator: true,
-        require_literal_leading_dot: true,
-        ..MatchOptions::new()
-    };
-    let paths = glob::glob_with(&text, options)
-        .map_err(|error| pattern.error(format!("this is no pattern of paths: {}", error.msg)))?;
-    let paths: Result<Vec<PathBuf>, glob::GlobError> = paths.collect();
-    paths.map_err(|error| pattern.error(error.to_string()))
 }
 
 fn read(

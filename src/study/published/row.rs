@@ -87,6 +87,7 @@ impl Row<'_> {
             run_seed,
             value,
             observed_until,
+            magnitude: value.abs(),
         }))
     }
 

@@ -1,7 +1,7 @@
 //! `claims.md`: one row per claim, to be included in other documents.
 
 use super::format;
-use super::tables::note_about_early_ends;
+use super::tables::{note_about_early_ends, note_about_times};
 use crate::study::claims::ClaimResult;
 use crate::study::file::Claim;
 use crate::study::gate::gates;
@@ -20,6 +20,12 @@ pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> Stri
             text += &paragraph(&gate.sentence(*exploration.measure));
         }
     }
+    for (claim, claim_result) in results.study.claims.iter().zip(claim_results) {
+        let note = note_about_claim(results, claim, claim_result);
+        if !note.is_empty() {
+            text += &paragraph(&format!("{}: {note}", claim.text));
+        }
+    }
     for measure in results.measures_of_claims() {
         let note = note_about_early_ends(results, measure);
         if !note.is_empty() {
@@ -36,6 +42,18 @@ pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> Stri
         text += &paragraph(&sentence);
     }
     text
+}
+
+/// What a reader must know of the times that a claim compares; empty if nothing.
+#[must_use]
+pub fn note_about_claim(results: &Results, claim: &Claim, claim_result: &ClaimResult) -> String {
+    let names = [claim.compare.0.as_str(), claim.compare.1.as_str()];
+    let measure = results.study.measure_of(claim);
+    claim_result
+        .comparison
+        .map_or_else(String::new, |comparison| {
+            note_about_times(results, measure, names, &comparison)
+        })
 }
 
 /// A paragraph of a sentence that may have names in it.

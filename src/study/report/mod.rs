@@ -9,6 +9,7 @@ mod rows;
 mod states;
 mod tables;
 
+pub use claims_table::note_about_claim;
 pub(super) use format::number;
 pub use format::summarize_claims;
 pub(super) use rows::{COLUMNS, column, csv};

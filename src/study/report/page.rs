@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use super::claims_table::note_about_claim;
 use super::tables::{Table, note_about_early_ends};
 use super::{ReportFigure, format, states};
 use crate::record::difference_of_quantities;
@@ -305,6 +306,8 @@ fn claim_card(results: &Results, claim: &Claim, claim_result: &ClaimResult) -> M
                 Some(comparison) => { (evidence_text(claim, measure, comparison, claim_result)) }
                 None => { p.evidence { "There are no runs to compare." } }
             }
+            @let note = note_about_claim(results, claim, claim_result);
+            @if !note.is_empty() { p.evidence { (note) } }
         }
     }
 }
@@ -613,7 +616,8 @@ fn methods_section() -> Markup {
             "If a run ended without reaching its time, the time is censored, not dropped; medians of \
              times are Kaplan–Meier estimates. Comparisons of times are of restricted means: times up to a horizon \
              (the smaller maximum number of episodes of the two cells, unless the claim says another), \
-             where longer times and times that were not reached count as the horizon."
+             where longer times count as the horizon. A run that ended before the horizon without reaching its time may have \
+             reached it at any time afterwards: intervals and verdicts hold for all that is possible."
         }
         p {
             "Each kind of measure has one effect and one test, and intervals are inversions of this test: \

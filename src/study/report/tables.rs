@@ -3,13 +3,11 @@
 use rayon::prelude::*;
 
 use super::format;
-use crate::study::comparison::{
-    Aggregate, Comparison, Quantity, RunScore, Samples, summarize_scores,
-};
+use crate::study::comparison::{Aggregate, Comparison, Quantity, Samples, summarize_scores};
 use crate::study::cost::{Cost, costs};
 use crate::study::file::Scaling;
 use crate::study::measure::Measure;
-use crate::study::results::{CellResults, Results};
+use crate::study::results::{CellResults, Results, default_horizon, earliest_end};
 use crate::study::scaling::{self, Method, Ratio, TeamSize};
 use crate::text::{markdown_cell, markdown_line};
 use seedbed_stats::Estimate;
@@ -227,6 +225,40 @@ pub(super) fn note_about_early_ends(results: &Results, measure: Measure) -> Stri
     )
 }
 
+/// What is not known of the times in a comparison, and up to which time they are compared if this
+/// follows from the runs of others. Empty if there is nothing to say.
+pub(super) fn note_about_times(
+    results: &Results,
+    measure: Measure,
+    names: [&str; 2],
+    comparison: &Comparison,
+) -> String {
+    let horizon = format::number(comparison.horizon);
+    let early = (0..2).filter(|&cell| comparison.ended_early[cell] > 0);
+    let early = early.map(|cell| {
+        let (ended, runs) = (comparison.ended_early[cell], comparison.n[cell]);
+        format!("{ended} of {runs} runs of {}", names[cell])
+    });
+    let early: Vec<String> = early.collect();
+    if !early.is_empty() {
+        return format!(
+            "Not known up to {horizon}: {} ended before without reaching their time, which may be any after their \
+             end. Intervals hold for all that is possible, and values are its middle.",
+            early.join(" and ")
+        );
+    }
+    let cells: Vec<&CellResults> = names.iter().filter_map(|name| results.cell(name)).collect();
+    let is_external = cells.iter().any(|cell| cell.description.external.is_some());
+    let is_first_end = comparison.horizon == earliest_end(&cells, measure);
+    if is_external && comparison.horizon.is_finite() && is_first_end {
+        return format!(
+            "Times are compared up to {horizon}, where the first run ended that did not reach its time: {} and {}.",
+            names[0], names[1]
+        );
+    }
+    String::new()
+}
+
 /// Columns behind the number of runs, those of [`aggregate_cells`].
 fn columns(quantity: Quantity) -> &'static [&'static str] {
     match quantity {
@@ -288,13 +320,18 @@ fn comparisons_table(results: &Results) -> Option<Table> {
         pairs_of_equal_team_size
     };
     let measure = results.study.main_measure();
-    let rows: Vec<Vec<String>> = pairs
+    let compared: Vec<(Vec<String>, String)> = pairs
         .par_iter()
         .filter_map(|&(cell, first)| {
             let comparison = compare_cells(results, cell, first)?;
-            Some(comparison_cells(cell, first, &comparison))
+            let names = [cell, first].map(|cell| cell.description.name.as_str());
+            let note = note_about_times(results, measure, names, &comparison);
+            Some((comparison_cells(cell, first, &comparison), note))
         })
         .collect();
+    let (rows, mut notes): (Vec<_>, Vec<_>) = compared.into_iter().unzip();
+    notes.push(note_about_early_ends(results, measure));
+    notes.retain(|note| !note.is_empty());
     let title = format!("Comparisons: {}", measure.title());
     let head = vec![
         "cell",
@@ -307,7 +344,7 @@ fn comparisons_table(results: &Results) -> Option<Table> {
         title,
         head,
         rows,
-        note: note_about_early_ends(results, measure),
+        note: notes.join(" "),
     })
 }
 
@@ -315,13 +352,7 @@ fn comparisons_table(results: &Results) -> Option<Table> {
 fn compare_cells(results: &Results, cell: &CellResults, first: &CellResults) -> Option<Comparison> {
     let measure = results.study.main_measure();
     let scores = [cell, first].map(|cell| cell.scores(measure));
-    let horizon = if measure == Measure::EnvStepsToSolve {
-        earliest_end(scores.into_iter().flatten())
-    } else {
-        let [first, second] = [cell, first].map(|cell| cell.description.max_episodes);
-        f64::from(first.min(second))
-    };
-    let quantity = Quantity::of(measure, horizon);
+    let quantity = Quantity::of(measure, default_horizon(&[cell, first], measure));
     let is_external = |cell: &CellResults| cell.description.external.is_some();
     let paired = !results.study.pairs_share.is_empty()
         && quantity != Quantity::Share
@@ -333,13 +364,6 @@ fn compare_cells(results: &Results, cell: &CellResults, first: &CellResults) -> 
         .compares_in_reverse(measure, names[0], names[1]);
     let samples = Samples::in_direction(is_reversed, scores[0], scores[1], quantity, paired)?;
     Some(samples.compare(&*samples.test()))
-}
-
-/// Earliest end of a run that did not reach its time; infinite if all runs reached their times.
-fn earliest_end<'a>(scores: impl Iterator<Item = &'a RunScore>) -> f64 {
-    scores
-        .map(|score| score.observed_until)
-        .fold(f64::INFINITY, f64::min)
 }
 
 /// Pairs of each cell and the first cell of its group, except for the first cells. Cells for which

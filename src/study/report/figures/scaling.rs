@@ -6,7 +6,7 @@ use super::{UnnumberedFigure, capitalized, color};
 use crate::study::comparison::{Quantity, Samples};
 use crate::study::file::has_part;
 use crate::study::measure::Measure;
-use crate::study::results::{CellResults, Results};
+use crate::study::results::{CellResults, Results, default_horizon};
 use crate::study::scaling::{Method, best_single_agent, methods, replace_part, values};
 use seedbed_figure::{Curves, Figure as Picture, GridNumber, NumberGrid, Panel, Row, Series};
 use seedbed_stats::aggregate::mean;
@@ -262,11 +262,7 @@ fn difference(
     let [first, second] = figure.compare;
     let partner = results.cell(&replace_part(name, first, second)?)?;
     let scores = [cell, partner].map(|cell| cell.scores(measure));
-    let horizon = cell
-        .description
-        .max_episodes
-        .min(partner.description.max_episodes);
-    let quantity = Quantity::of(measure, horizon.into());
+    let quantity = Quantity::of(measure, default_horizon(&[cell, partner], measure));
     let paired = !results.study.pairs_share.is_empty() && quantity != Quantity::Share;
     let names = [cell, partner].map(|cell| cell.description.name.as_str());
     let is_reversed = results
