@@ -348,7 +348,7 @@ class Run:
 
 def _run_folder(folder: Path) -> Path:
     """The folder itself, if it is a run, or that of the single run in it."""
-    if any((folder / name).is_file() for name in (SUMMARY, SCENARIO, *exports.RECORDINGS)):
+    if any((folder / name).is_file() for name in (SUMMARY, SCENARIO)):
         return folder
     if any((folder / exports.STATES_FOLDER).glob("*.states")):
         return folder

@@ -104,6 +104,9 @@ impl LoadedRun {
         if !path.is_file() && folder.has_state_files() {
             return Self::of_state_files(folder);
         }
+        if !path.is_file() && !folder.has_run() {
+            return Err(no_run(path));
+        }
         let [episodes, rounds] = folder.table_files();
         let recording = if path.is_file() {
             Some(path.to_owned())

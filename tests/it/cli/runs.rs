@@ -47,6 +47,8 @@ fn files_beside_runs_do_not_hide_them() {
     assert!(run_successful(&["inspect", root]).contains(first.to_str().unwrap()));
     assert!(small_run(&folder.path().join("s1"), &[]).status.success());
     assert_eq!(list().len(), 2);
+    let error = run_refused(&["inspect", root]);
+    assert!(error.contains("contains 2 runs"), "{error}");
     // Without runs below, a recording alone is listed.
     for name in ["s0", "s1"] {
         std::fs::remove_dir_all(folder.path().join(name)).unwrap();
