@@ -133,7 +133,7 @@ fn final_return(agents: u32, run_seed: u64) -> Result<f64, Box<dyn Error>> {
     while !trainer.is_done() {
         trainer.advance()?;
     }
-    Ok(trainer.measures().recent_return(25).unwrap_or_default())
+    Ok(trainer.measures().final_return().unwrap_or_default())
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

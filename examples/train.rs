@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     while !trainer.is_done() {
         trainer.advance()?;
         if trainer.rounds().is_multiple_of(20) {
-            let recent = trainer.measures().recent_return(25).unwrap_or_default();
+            let recent = trainer.measures().final_return().unwrap_or_default();
             println!("round {:3}: mean return {recent:.1}", trainer.rounds());
         }
     }

@@ -13,18 +13,23 @@ END = "# SHA-256 of the lines above: "
 """Beginning of the last line."""
 
 
-def verify(path: Path) -> None:
+def verify(path: Path, run: Path | None = None) -> None:
     """Check that a file in the folder of a run has the bytes with which it was written, as far as they are known.
+
+    Args:
+        path: The file.
+        run: Folder of the run; by default the one that contains the file.
 
     Raises:
         RunError: It has others.
     """
-    sums = path.parent / CHECKSUMS
+    run = run or path.parent
+    sums = run / CHECKSUMS
     if sums.exists() and not sums.is_file():
         raise RunError(sums, "expected a regular file, found a folder, a pipe, a socket or a device")
     if not sums.is_file() or not path.is_file():
         return
-    expected = _read(sums).get(path.name)
+    expected = _read(sums).get(path.relative_to(run).as_posix())
     if expected is not None and hashlib.sha256(path.read_bytes()).hexdigest() != expected:
         reason = f"it is damaged, or was changed after the run wrote it; to use it as it is, delete {sums}"
         raise RunError(path, reason)

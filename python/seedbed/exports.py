@@ -1,7 +1,8 @@
 """Tables of runs as Parquet files, which `seedbed export` writes to a cache folder.
 
 A file in the cache belongs to certain versions of the files of the run: after a change of one of them it is written
-again. Files of runs that do not exist any more are removed.
+again. Files of runs that do not exist any more are removed, and so are earlier versions, a minute after they were last
+asked for.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import os
 import re
 import sys
 import tempfile
+import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -29,6 +31,12 @@ RECORDINGS = ("run.rrd", "run.rrd.part")
 TABLES = {"episodes": "episodes.csv", "rounds": "rounds.csv"}
 STATES_FOLDER = "states"
 """Folder of the files of agents that were recorded from Python."""
+
+KEPT_SECONDS = 60
+"""Time for which another process may still open a version of a table that it was given."""
+
+PARQUET_MARK = b"PAR1"
+"""The first and the last bytes of a whole Parquet file."""
 
 
 def cache_folder() -> Path:
@@ -54,17 +62,36 @@ def parquet_file(run: Path, content: Content, summary: dict[str, Any] | None) ->
         summary: Summary of a finished run, with which numbers of rows are compared.
 
     Raises:
-        RunError: The table is missing, damaged, or shorter than the summary says.
+        RunError: The table is missing, damaged, or shorter than the summary says; or the cache cannot be written.
     """
     sources = source_files(run, content)
     own = hashlib.sha256(str(run.resolve()).encode()).hexdigest()[:24]
     path = cache_folder() / f"{own}-{content}-{_version(sources)}.parquet"
-    if not path.exists():
+    if _is_whole(path):
+        with contextlib.suppress(OSError):
+            os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
+        return path
+    try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _remove_outdated(path.parent, f"{own}-{content}-")
+        _remove_outdated(path, f"{own}-{content}-")
         (path.parent / f"{own}.run").write_text(str(run.resolve()), encoding="utf-8")
-        _export(run, content, path, sources, summary)
+    except OSError as error:
+        reason = f"tables cannot be written to this cache folder ({error}); name another one by SEEDBED_CACHE"
+        raise RunError(path.parent, reason) from error
+    _export(run, content, path, sources, summary)
     return path
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether a file is in the cache, with its end."""
+    size = len(PARQUET_MARK)
+    try:
+        with path.open("rb") as file:
+            start = file.read(size)
+            file.seek(-size, os.SEEK_END)
+            return start == file.read() == PARQUET_MARK
+    except OSError:
+        return False
 
 
 def source_files(run: Path, content: Content) -> list[Path]:
@@ -93,8 +120,10 @@ def _version(sources: Iterable[Path]) -> str:
     """Hash of the versions of the files of a run, and of the program that reads them."""
     versions = []
     for path in (*sources, Path(command()).resolve()):
-        status = path.stat()
-        versions.append((path.name, status.st_size, status.st_mtime_ns, status.st_ino))
+        # A recording is renamed when its run is finished.
+        with contextlib.suppress(FileNotFoundError):
+            status = path.stat()
+            versions.append((path.name, status.st_size, status.st_mtime_ns, status.st_ino))
     return hashlib.sha256(repr(versions).encode()).hexdigest()[:24]
 
 
@@ -111,10 +140,13 @@ def _export(run: Path, content: Content, path: Path, sources: list[Path], summar
 
 
 def _check_complete(run: Path, content: Content, source: Path, rows: int, summary: dict[str, Any]) -> None:
-    """Compare a table of a finished run with its summary: the program reads the intact beginning of a file."""
+    """Compare a table of a finished run with its summary: the program reads the intact beginning of a file.
+
+    The program itself compares what was recorded from Python with its summary.
+    """
     table = run / TABLES["rounds" if content == "rounds" else "episodes"]
     per_agent = summary.get("rounds" if content == "rounds" else "episodes_per_agent")
-    if not table.is_file() or per_agent is None:
+    if not table.is_file() or per_agent is None or "learners" in summary:
         return
     expected = per_agent * summary["agents"]
     if content == "states":
@@ -134,13 +166,23 @@ def _sum_of_lengths(table: Path) -> int:
             raise RunError(table, f"a line has no valid length: {error}") from error
 
 
-def _remove_outdated(folder: Path, prefix: str) -> None:
+def _remove_outdated(path: Path, prefix: str) -> None:
     """Remove other versions of a table, and tables of runs that do not exist."""
-    outdated = list(folder.glob(f"{prefix}*.parquet"))
+    folder = path.parent
+    outdated = [other for other in folder.glob(f"{prefix}*.parquet") if _is_outdated(other)]
     for note in folder.glob("*.run"):
-        if not os.path.exists(note.read_text(encoding="utf-8")):
-            outdated += [note, *folder.glob(f"{note.stem}-*.parquet")]
-    for path in outdated:
+        with contextlib.suppress(FileNotFoundError):
+            if not os.path.exists(note.read_text(encoding="utf-8")):
+                outdated += [note, *folder.glob(f"{note.stem}-*.parquet")]
+    for other in outdated:
         # A file that another process has open stays on Windows; it is removed the next time.
         with contextlib.suppress(OSError):
-            path.unlink(missing_ok=True)
+            other.unlink(missing_ok=True)
+
+
+def _is_outdated(path: Path) -> bool:
+    try:
+        status = path.stat()
+        return time.time() - max(status.st_atime, status.st_mtime) > KEPT_SECONDS
+    except OSError:
+        return False

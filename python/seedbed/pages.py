@@ -12,6 +12,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .checksums import verify
 from .errors import RunError
 
 if TYPE_CHECKING:
@@ -128,8 +129,13 @@ def overview(run: Run) -> str:
         f'<tr><th style="{style}">{title}</th><td style="{style}">{_cell(value)}</td></tr>' for title, value in cells
     ]
     caption = f'<caption style="{style}"><b>{escape(name)}</b><br>{escape(str(run.path))}</caption>'
+    try:
+        verify(run.path / "episodes.csv")
+        returns = team_returns(run.path)
+    except RunError:
+        returns = []
     table = f"<table>{caption}{''.join(lines)}</table>"
-    return f"<div>{table}{_curve(team_returns(run.path))}</div>"
+    return f"<div>{table}{_curve(returns)}</div>"
 
 
 def _cell(value: Any) -> str:

@@ -109,12 +109,13 @@ class Run:
     """A run; see `load`.
 
     Attributes:
-        path: Folder of the run, or the recording if there is no folder.
+        path: Absolute path of the folder of the run, or of the recording if there is no folder.
         frames: Library of the tables; None for the default.
     """
 
     def __init__(self, path: Path, *, frames: Frames | None = None) -> None:
-        self.path = path
+        # Also after a change of the working directory.
+        self.path = path.absolute()
         self.frames = None if frames is None else choose(frames)
         self._tables: dict[Content, tuple[Path, Any]] = {}
 
@@ -183,13 +184,14 @@ class Run:
         """The task of the run: that of the copy in its folder, which `seedbed.make` accepts.
 
         Raises:
-            RunError: The run has no copy of a task file, as those of tabular scenarios.
+            RunError: The run has no copy of a task file, as those of tabular scenarios, or the copy is damaged.
             TaskError: Something in the file is wrong.
         """
         row = self.info
         path = self.path / "envs" / f"{row['environment']}.ron"
         if not path.is_file():
             raise RunError(path, "there is no such file: the run has no copy of its task")
+        verify(path, self.path)
         return Task(path, run_seed=row["seed"] or 0)
 
     @property
@@ -242,6 +244,7 @@ class Run:
         """
         if content not in exports.CONTENTS:
             raise ValueError(f"content is {content!r}, expected one of {', '.join(exports.CONTENTS)}")
+        self._check_exists()
         return exports.parquet_file(self.path, content, self._summary() if self._is_folder else None)
 
     def policy(self, agent: int = 0, *, model: int | None = None) -> Policy:
@@ -293,10 +296,12 @@ class Run:
             Path of the page.
 
         Raises:
-            RunError: There is no recording.
+            RunError: There is no recording, or it is damaged.
             ImportError: The viewer is not installed.
         """
-        return pages.write_viewer(self._recording(), Path(path), self.name)
+        recording = self._recording()
+        verify(recording)
+        return pages.write_viewer(recording, Path(path), self.name)
 
     def __repr__(self) -> str:
         return f"<seedbed run {self.name!r} in {self.path}>"
@@ -308,12 +313,18 @@ class Run:
     def _is_folder(self) -> bool:
         return self.path.is_dir()
 
+    def _check_exists(self) -> None:
+        if not self.path.exists():
+            raise RunError(self.path, "there is no such file or folder: the run was moved or removed")
+
     def _folder(self, what: str) -> Path:
+        self._check_exists()
         if not self._is_folder:
             raise RunError(self.path, f"a recording without the folder of its run has no {what}")
         return self.path
 
     def _recording(self) -> Path:
+        self._check_exists()
         if not self._is_folder:
             return self.path
         for name in exports.RECORDINGS:
@@ -337,7 +348,7 @@ class Run:
 
 def _run_folder(folder: Path) -> Path:
     """The folder itself, if it is a run, or that of the single run in it."""
-    if any((folder / name).is_file() for name in (SUMMARY, SCENARIO, *exports.RECORDINGS)):
+    if any((folder / name).is_file() for name in (SUMMARY, SCENARIO)):
         return folder
     if any((folder / exports.STATES_FOLDER).glob("*.states")):
         return folder

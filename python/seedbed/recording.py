@@ -10,6 +10,8 @@ After `close`, `seedbed explore runs/cartpole` and all other commands of the pro
 from __future__ import annotations
 
 import contextlib
+import math
+import operator
 import os
 import warnings
 import weakref
@@ -24,6 +26,8 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from .state_files import (
+    MAX_AXES,
+    MAX_NAME_BYTES,
     RUNNING,
     TERMINATED,
     TRUNCATED,
@@ -144,6 +148,7 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         result = self.env.step(action)
         observation, reward, terminated, truncated, _ = result
         recorder = self._recorder
+        recorder.count_step()
         if recorder.is_running:
             recorder.add(action, reward, observation, terminated, truncated)
         elif recorder.is_left_out:
@@ -208,10 +213,11 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         mode = autoreset_mode or env.metadata.get("autoreset_mode")
         if mode is None:
             raise ValueError("env.metadata has no autoreset_mode; give it, such as autoreset_mode='NextStep'")
-        numbers = list(range(env.num_envs)) if agents is None else [int(agent) for agent in agents]
+        numbers = [_agent_number("agents", agent) for agent in (range(env.num_envs) if agents is None else agents)]
         if len(numbers) != env.num_envs or len(set(numbers)) != len(numbers):
             raise ValueError(f"agents is {numbers}, expected {env.num_envs} different numbers: one per copy")
-        learner_numbers = [numbers[0]] * len(numbers) if learners is None else [int(learner) for learner in learners]
+        given_learners = [numbers[0]] * len(numbers) if learners is None else learners
+        learner_numbers = [_agent_number("learners", learner) for learner in given_learners]
         if len(learner_numbers) != env.num_envs:
             raise ValueError(f"learners is {learner_numbers}, expected {env.num_envs} numbers: one per copy")
         task = _task_of(env)
@@ -260,8 +266,10 @@ class _Recorders:
     def __init__(self, folder: Path, headers: Sequence[Header], overwrite: bool, resume: bool) -> None:
         self.folder = folder
         self.headers = headers
-        self._how = {"overwrite": overwrite, "resume": resume}
+        self._how: dict[str, Any] = {"overwrite": overwrite, "resume": resume, "together": len(headers)}
         self._files: list[StateFile] | None = None
+        self.clock = 0
+        """Steps of the environments so far, also those that are not recorded."""
         self.is_closed = False
         for header in headers:
             check_start(folder, header, **self._how)
@@ -282,6 +290,7 @@ class _Recorders:
                 files.append(StateFile(self.folder, header, **self._how))
             for file in files:
                 file.begin()
+            self.clock = max(file.end_step for file in files)
         except BaseException:
             for file in files:
                 file.release()
@@ -329,6 +338,10 @@ def _reward(reward: Any) -> float:
         if isinstance(reward, list) or getattr(reward, "ndim", 0) > 0:
             reward = np.asarray(reward).reshape(()).item()
         return float(reward)
+    except OverflowError:
+        message = "a reward is too large for double precision: such numbers are recorded as infinite"
+        warnings.warn(message, RuntimeWarning, stacklevel=2)
+        return math.inf if reward > 0 else -math.inf
     except (TypeError, ValueError):
         raise TypeError(f"the reward is {reward!r}, expected a number") from None
 
@@ -367,6 +380,8 @@ class _EpisodeRecorder:
         self._steps = 0
         self._first_step = 0
         self._total_reward = 0.0
+        self._begin_step = 0
+        """Steps of the environment before the running episode."""
         self._has_warned = False
 
     def start(self, observation: Any) -> None:
@@ -377,6 +392,7 @@ class _EpisodeRecorder:
             self._observations[0] = _reshaped(observation, self._flat, "the observation")
             self._steps = self._first_step = 0
             self._total_reward = 0.0
+            self._begin_step = self._recorders.clock
             self.is_running, self.is_left_out = True, False
 
     def add(self, action: Any, reward: Any, observation: Any, terminated: Any, truncated: Any) -> None:
@@ -404,6 +420,9 @@ class _EpisodeRecorder:
         is_flat = self._is_flat and getattr(observation, "shape", None) == self._flat
         self._observations[step + 1] = observation if is_flat else _reshaped(observation, self._flat, "the observation")
         self._steps = step + 1
+
+    def count_step(self) -> None:
+        self._recorders.clock += 1
 
     def warn_of_missing_reset(self) -> None:
         if not self._has_warned:
@@ -446,6 +465,7 @@ class _EpisodeRecorder:
             self._rewards[:steps],
             outcome,
             self._total_reward,
+            self._begin_step,
         )
 
 
@@ -479,6 +499,8 @@ class _BatchRecorder:
         self._first_step = np.zeros(copies, np.int64)
         """Number of steps of each running episode that are written."""
         self._total_reward = np.zeros(copies, np.float64)
+        self._begin_step = np.zeros(copies, np.int64)
+        """Steps of the environments before each running episode."""
         self._will_reset = np.zeros(copies, np.bool_)
         """Copies that the next step only resets."""
 
@@ -494,6 +516,7 @@ class _BatchRecorder:
             raise failures[0]
 
     def add(self, actions: Any, observations: Any, rewards: Any, terminated: Any, truncated: Any, infos: Any) -> None:
+        self._recorders.clock += 1
         try:
             failures = self._add(actions, observations, rewards, np.ravel(terminated), np.ravel(truncated), infos or {})
         except BaseException:
@@ -563,6 +586,7 @@ class _BatchRecorder:
         self._first_row[copies] = self._row
         self._first_step[copies] = 0
         self._total_reward[copies] = 0.0
+        self._begin_step[copies] = self._recorders.clock
 
     def _last_observation(self, copy: int, infos: dict[str, Any]) -> Any:
         """The observation at the end of an episode, `[observations]`."""
@@ -599,7 +623,13 @@ class _BatchRecorder:
         total_reward = np.add.accumulate(np.append(self._total_reward[copy], rewards))[-1]
         first_step = int(self._first_step[copy])
         self._recorders.files[copy].append_steps(
-            first_step, states, self._actions[rows, copy], rewards, outcome, float(total_reward)
+            first_step,
+            states,
+            self._actions[rows, copy],
+            rewards,
+            outcome,
+            float(total_reward),
+            int(self._begin_step[copy]),
         )
         self._total_reward[copy] = total_reward
 
@@ -645,6 +675,9 @@ def observation_axes(
         axes = tuple(Axis(name, axis.unit, axis.low, axis.high) for name, axis in zip(names, axes, strict=True))
     _check_names(axes, "names")
     given_units = _by_axis(axes, units, "units")
+    for unit in given_units:
+        if unit is not None:
+            _check_text(unit, "units")
     if isinstance(ranges, str) and ranges == "visited":
         ranges = [(None, None)] * count
     given_ranges = [None if ends is None else _checked_range(ends) for ends in _by_axis(axes, ranges, "ranges")]
@@ -657,6 +690,11 @@ def observation_axes(
 def action_axes(space: spaces.Space[Any], task: Any, names: Sequence[str] | None) -> tuple[Axis, ...]:
     """The axes of the components of an action."""
     axes = _task_axes(task.actions) if task is not None else _components(space, "action")
+    if not 0 < len(axes) <= MAX_AXES:
+        raise TypeError(
+            f"the action space is {space} with {len(axes)} numbers, expected 1 to {MAX_AXES}: wrap the environment with "
+            "gymnasium.wrappers.TransformAction first"
+        )
     if names is not None:
         if isinstance(names, str) or len(names) != len(axes):
             raise ValueError(f"action_names is {names!r}, expected {len(axes)} names: one per component of an action")
@@ -716,11 +754,28 @@ def _check_names(axes: tuple[Axis, ...], argument: str) -> None:
     for name in (axis.name for axis in axes):
         if not isinstance(name, str) or not name or name != name.strip() or any(sign in name for sign in "=,\n"):
             raise ValueError(f"{argument} contains {name!r}, expected a text without '=', ',' and spaces around it")
+        _check_text(name, argument)
         if name in RESERVED_NAMES:
             raise ValueError(f"{argument} contains {name!r}, which is the name of another column")
         if name in seen:
             raise ValueError(f"{argument} contains {name!r} twice")
         seen.add(name)
+
+
+def _check_text(text: Any, argument: str) -> None:
+    """Refuse what the program does not read as a name or a unit.
+
+    Raises:
+        ValueError: It is no text, no valid Unicode, or too long.
+    """
+    if not isinstance(text, str):
+        raise ValueError(f"{argument} contains {text!r}, expected a text")
+    try:
+        size = len(text.encode())
+    except UnicodeEncodeError:
+        raise ValueError(f"{argument} contains {text!r}, which is no valid Unicode text") from None
+    if size > MAX_NAME_BYTES:
+        raise ValueError(f"{argument} contains a text of {size} bytes ({text[:20]!r}…), expected at most {MAX_NAME_BYTES}")
 
 
 def _by_axis(axes: tuple[Axis, ...], given: Sequence[Any] | Mapping[str, Any] | None, argument: str) -> list[Any]:
@@ -806,19 +861,46 @@ def _header(
     metadata: Mapping[str, Any],
     learner: int | None,
 ) -> Header:
-    for name, number in (("agent", agent), ("learner", learner)):
-        if number is not None and (isinstance(number, bool) or not 0 <= int(number) < 1 << 16):
-            raise ValueError(f"{name} is {number!r}, expected a number from 0 to 65535")
-    frames_per_second = metadata.get("render_fps")
+    _check_text(environment, "environment")
+    number = _agent_number("agent", agent)
+    learner_number = None if learner is None else _agent_number("learner", learner)
     return Header(
-        agent=int(agent),
+        agent=number,
         environment=environment,
         observations=observations,
         actions=actions,
-        time_limit=getattr(spec, "max_episode_steps", None),
-        step_seconds=1 / frames_per_second if frames_per_second else None,
-        learner=None if learner is None or int(learner) == int(agent) else int(learner),
+        time_limit=_time_limit(spec),
+        step_seconds=_step_seconds(metadata.get("render_fps")),
+        learner=None if learner_number == number else learner_number,
     )
+
+
+def _agent_number(name: str, number: Any) -> int:
+    try:
+        index = -1 if isinstance(number, bool) else operator.index(number)
+    except TypeError:
+        index = -1
+    if not 0 <= index < 1 << 16:
+        raise ValueError(f"{name} is {number!r}, expected a number from 0 to 65535")
+    return index
+
+
+def _time_limit(spec: Any) -> int | None:
+    """Number of steps after which episodes are truncated; None if there is no such number of 32 bits."""
+    try:
+        steps = operator.index(getattr(spec, "max_episode_steps", None))  # type: ignore[arg-type]
+    except TypeError:
+        return None
+    return steps if 0 < steps < 1 << 32 else None
+
+
+def _step_seconds(frames_per_second: Any) -> float | None:
+    """Time of a step, s; None if the frames per second are no number that has one."""
+    try:
+        seconds = 1 / float(frames_per_second)
+    except (TypeError, ValueError, ArithmeticError):
+        return None
+    return seconds if 0 < seconds < math.inf else None
 
 
 def _name_of(env: Any, spec: Any) -> str:

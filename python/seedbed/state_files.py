@@ -34,7 +34,7 @@ FILE_START = struct.Struct("<8sII")
 FRAME_START = struct.Struct("<4sIII")
 """Kind of the frame, number of bytes of its payload, CRC-32 of the payload, CRC-32 of these three."""
 
-HEADER, EPISODE, CLOSED = b"HEAD", b"EPIS", b"DONE"
+HEADER, BEGIN, EPISODE, CLOSED = b"HEAD", b"STEP", b"EPIS", b"DONE"
 
 EPISODE_START = struct.Struct("<IIIId")
 """Number of the episode, number of its first step in the frame, number of steps in the frame, outcome, sum of all
@@ -61,14 +61,26 @@ COLUMNS = (
     "visitation_entropy",
     "team_overlap",
     "effective_agents",
+    "end_step",
 )
-"""Columns of `episodes.csv`. The last four are not known here; `seedbed inspect` computes them."""
+"""Columns of `episodes.csv`. Four measures of visits are not known here; `seedbed inspect` computes them. The last one is
+not in tables of `seedbed run`: the steps of the agent's environment up to the end of the episode, also those that are not
+recorded. Copies of an environment have the same number at the same time."""
 
 DERIVED_FILES = (EPISODES_TABLE, SUMMARY, "rounds.csv", "run.rrd")
 """Files that are made from files of visited states, and made again when there are more states."""
 
 FILES_OF_OTHER_RUNS = ("scenario.ron", "rounds.csv", "checkpoint", "run.rrd", "run.rrd.part")
 """Files by which the folder of another run is recognized."""
+
+
+MAX_AXES = 10_000
+MAX_NAME_BYTES = 1000
+"""Limits of what the program reads: observations or components of an action, and bytes of a name or a unit."""
+
+MAX_SPARSE_AGENTS = 1024
+"""A larger number of an agent must be below four times the number of agents in the folder: agents are numbered from 0, and
+each number takes memory in the program."""
 
 
 class RecordingError(Exception):
@@ -149,6 +161,8 @@ class EpisodeRow:
     total_reward: float
     length: int
     outcome: int
+    end_step: int
+    """Steps of the agent's environment up to the end of the episode."""
 
 
 @dataclass(frozen=True)
@@ -191,17 +205,30 @@ def file_start(header: Header) -> bytes:
     return start + struct.pack("<I", zlib.crc32(start)) + frame(HEADER, header.to_json())
 
 
-def check_start(folder: Path, header: Header, *, overwrite: bool, resume: bool) -> None:
+def check_start(folder: Path, header: Header, *, overwrite: bool, resume: bool, together: int = 1) -> None:
     """Refuse to record an agent where it would mix with something else.
+
+    Args:
+        folder: Folder of the run.
+        header: What the states of the agent are.
+        overwrite: Whether a file of the agent is replaced.
+        resume: Whether a file of the agent is continued.
+        together: Number of agents that one recorder begins to record.
 
     Raises:
         FileExistsError: The agent was recorded before, or the folder contains another run.
-        ValueError: The folder has agents of another environment or with other axes.
+        ValueError: The folder has agents of another environment or with other axes, or too few for such a number.
     """
     if overwrite and resume:
         raise ValueError("overwrite=True and resume=True exclude each other")
     path = file_of(folder, header.agent)
     others = sorted(other for other in path.parent.glob(f"agent_*{SUFFIX}") if other != path)
+    limit = max(MAX_SPARSE_AGENTS, 4 * (len(others) + together))
+    if header.agent >= limit:
+        raise ValueError(
+            f"agent is {header.agent}, expected a number below {limit}: agents are numbered from 0, and from "
+            f"{MAX_SPARSE_AGENTS} on at least a quarter of the numbers must be in use"
+        )
     if path.exists() and not overwrite and not resume:
         raise FileExistsError(
             f"{path} exists: agent {header.agent} was recorded in this folder before; choose another folder or agent, "
@@ -231,7 +258,9 @@ class StateFile:
         RecordingError: The existing file cannot be resumed, or another recorder writes to it.
     """
 
-    def __init__(self, folder: Path, header: Header, *, overwrite: bool = False, resume: bool = False) -> None:
+    def __init__(
+        self, folder: Path, header: Header, *, overwrite: bool = False, resume: bool = False, together: int = 1
+    ) -> None:
         self.path = file_of(folder, header.agent)
         self.header = header
         self.next_episode = 0
@@ -240,8 +269,9 @@ class StateFile:
         self._has_rival = False
         self._has_warned = False
         self._size = 0
+        self._end_step = 0
         with explained(folder), locked(folder):
-            check_start(folder, header, overwrite=overwrite, resume=resume)
+            check_start(folder, header, overwrite=overwrite, resume=resume, together=together)
             self._lock = claim(folder, header.agent)
             if self._lock is None:
                 raise RecordingError(
@@ -270,6 +300,12 @@ class StateFile:
                     cut(self.path, self._found)
                 self._size = self._found.end
                 self.next_episode = len(self._found.episodes)
+                self._end_step = self._found.episodes[-1].end_step if self._found.episodes else 0
+
+    @property
+    def end_step(self) -> int:
+        """Steps of the environment up to the end of the last episode in the file."""
+        return self._end_step
 
     def release(self) -> None:
         """Let others record the agent."""
@@ -285,6 +321,7 @@ class StateFile:
         rewards: NDArray[np.floating],
         outcome: int,
         total_reward: float,
+        begin_step: int,
     ) -> None:
         """Append n steps of the running episode, which ends with them unless `outcome` is RUNNING.
 
@@ -295,6 +332,7 @@ class StateFile:
             rewards: `[n]`.
             outcome: RUNNING, TERMINATED or TRUNCATED.
             total_reward: Sum of all rewards of the episode so far.
+            begin_step: Steps of the environment before the episode.
         """
         start = EPISODE_START.pack(self.next_episode, first_step, len(rewards), outcome, total_reward)
         arrays = (
@@ -302,7 +340,13 @@ class StateFile:
             self._single_precision(actions, [axis.name for axis in self.header.actions]),
             self._single_precision(rewards, ["reward"]),
         )
-        self._append(frame(EPISODE, start + b"".join(arrays)), episodes=int(outcome != RUNNING))
+        content = frame(EPISODE, start + b"".join(arrays))
+        if first_step == 0 and begin_step != self._end_step:
+            content = frame(BEGIN, struct.pack("<Q", begin_step)) + content
+        is_end = outcome != RUNNING
+        self._append(content, episodes=int(is_end))
+        if is_end:
+            self._end_step = begin_step + first_step + len(rewards)
 
     def _single_precision(self, values: NDArray[np.floating], names: Sequence[str]) -> bytes:
         with np.errstate(over="ignore"):
@@ -521,6 +565,8 @@ class _Contents:
         """Number of steps of the unfinished episode."""
         self._nans = np.zeros_like(self.nans)
         """NaN observations of the unfinished episode."""
+        self._begin_step = 0
+        """Steps of the environment before the next or unfinished episode."""
 
     def add(self, kind: bytes, payload: bytes) -> bool:
         """Add a frame; returns whether an episode, or the file, is finished with it.
@@ -533,6 +579,9 @@ class _Contents:
             if payload != struct.pack("<I", len(self.episodes)):
                 raise ValueError("another number of episodes than in the file")
             return True
+        if kind == BEGIN and len(payload) == 8:
+            self._begin_step = int.from_bytes(payload, "little")
+            return False
         if kind != EPISODE or len(payload) < EPISODE_START.size:
             raise ValueError("unexpected frame")
         number, first_step, steps, outcome, total = EPISODE_START.unpack_from(payload)
@@ -546,7 +595,8 @@ class _Contents:
             return False
         if self._steps == 0:
             raise ValueError("an episode without steps")
-        self.episodes.append(EpisodeRow(self.header.agent, number, total, self._steps, outcome))
+        self._begin_step += self._steps
+        self.episodes.append(EpisodeRow(self.header.agent, number, total, self._steps, outcome, self._begin_step))
         self.nans += self._nans
         self._steps = 0
         return True
@@ -603,7 +653,7 @@ def _table(episodes: Sequence[EpisodeRow]) -> bytes:
     for row in episodes:
         env_steps += row.length
         known = (row.agent, row.episode, row.episode, env_steps, row.total_reward, row.length, OUTCOMES[row.outcome])
-        writer.writerow(known + ("NaN",) * (len(COLUMNS) - len(known)))
+        writer.writerow((*known, *("NaN",) * (len(COLUMNS) - len(known) - 1), row.end_step))
     return text.getvalue().encode()
 
 
@@ -614,7 +664,6 @@ def _summary(folder: Path, scans: Sequence[Scan], episodes: Sequence[EpisodeRow]
     for found in scans:
         learners[found.header.agent] = found.header.learner_number
     returns = learner_returns(episodes, learners)
-    final_return = _mean([_mean(each[-FINAL_WINDOW:]) for each in returns])
     return {
         "scenario": folder.resolve().name,
         "environment": scans[0].header.environment,
@@ -623,20 +672,23 @@ def _summary(folder: Path, scans: Sequence[Scan], episodes: Sequence[EpisodeRow]
         "learners": learners,
         "rounds": max((row.episode + 1 for row in episodes), default=0),
         "episodes_per_agent": min(map(len, returns)),
+        "episodes_of_agents": {str(found.header.agent): len(found.episodes) for found in scans},
         "env_steps": sum(row.length for row in episodes),
         "solved_at": None,
         "episodes_until_solved": None,
-        "final_return": final_return if math.isfinite(final_return) else None,
+        "final_return": _final_return(returns),
         "nan_observations": _nan_observations(scans),
     }
 
 
-def _mean(values: Sequence[float]) -> float:
-    """The mean; NaN if there are no values or if their sum is no finite number."""
-    try:
-        return math.fsum(values) / len(values)
-    except (ArithmeticError, ValueError):
-        return math.nan
+def _final_return(returns: Sequence[Sequence[float]]) -> float | None:
+    """Mean over learners of the mean return of their last episodes; None if one has none, or if it is not finite."""
+    if not all(returns):
+        return None
+    last = [each[-FINAL_WINDOW:] for each in returns]
+    # `math.fsum` raises for infinities of both signs and for sums that are too large.
+    final_return = sum(sum(each) / len(each) for each in last) / len(last)
+    return final_return if math.isfinite(final_return) else None
 
 
 def _nan_observations(scans: Sequence[Scan]) -> dict[str, int]:
@@ -649,18 +701,11 @@ def _nan_observations(scans: Sequence[Scan]) -> dict[str, int]:
 def learner_returns(episodes: Sequence[EpisodeRow], learners: Sequence[int]) -> list[list[float]]:
     """The returns of each learner, in the order in which its episodes ended.
 
-    Copies of an environment step together: an episode ends after as many steps of its copy as the copy has done.
-
     Args:
         episodes: Episodes of all agents; those of each agent are in order.
         learners: Number of the learner of each agent.
     """
-    ends = [0] * len(learners)
-    ordered = []
-    for row in episodes:
-        ends[row.agent] += row.length
-        ordered.append((ends[row.agent], row.agent, row.total_reward))
     returns: dict[int, list[float]] = {learner: [] for learner in sorted(set(learners))}
-    for _, agent, total_reward in sorted(ordered, key=lambda end: end[:2]):
-        returns[learners[agent]].append(total_reward)
+    for row in sorted(episodes, key=lambda row: (row.end_step, row.agent)):
+        returns[learners[row.agent]].append(row.total_reward)
     return list(returns.values())

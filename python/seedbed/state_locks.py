@@ -1,13 +1,17 @@
 """Locks of the folder of a run, and of each agent that is recorded in it.
 
 They are locks of bytes of the file `states/.lock`: byte k for agent k, and one for the folder. The system releases
-them if the process dies. One open file per folder is enough for any number of agents.
+them if the process dies. One open file per folder is enough for any number of agents. On Linux the locks belong to the
+open file; elsewhere on POSIX to the process, which loses them when it closes another open file of the same name, such as
+one of `shutil.copytree`.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import struct
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -30,11 +34,12 @@ class LockFile:
 
 _guard = threading.RLock()
 _files: dict[tuple[int, int], LockFile] = {}
-"""A process must not open a file of locks twice: it would lose all of them when it closes one of both."""
+"""A process opens a file of locks once: locks of its bytes by two open files exclude each other or, where they belong to
+the process, do not."""
 
 
 def _forget() -> None:
-    """Forget the locks of the process from which this one was forked: it still has them."""
+    """Forget the locks of the process from which this one was forked: they end when that one closes its file, too."""
     global _guard
     _guard = threading.RLock()
     for file in _files.values():
@@ -115,9 +120,7 @@ def _lock(descriptor: int, byte: int, *, wait: bool) -> bool:
             mode = msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK  # type: ignore[attr-defined, unused-ignore]
             msvcrt.locking(descriptor, mode, 1)  # type: ignore[attr-defined, unused-ignore]
         else:
-            import fcntl
-
-            fcntl.lockf(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB), 1, byte)
+            _lock_bytes(descriptor, byte, wait=wait)
     except (BlockingIOError, PermissionError):
         return False
     except OSError:
@@ -137,4 +140,21 @@ def _unlock(file: LockFile, byte: int) -> None:
         else:
             import fcntl
 
-            fcntl.lockf(file.descriptor, fcntl.LOCK_UN, 1, byte)
+            if sys.platform == "linux":
+                fcntl.fcntl(file.descriptor, fcntl.F_OFD_SETLK, _flock(fcntl.F_UNLCK, byte))
+            else:
+                fcntl.lockf(file.descriptor, fcntl.LOCK_UN, 1, byte)
+
+
+def _lock_bytes(descriptor: int, byte: int, *, wait: bool) -> None:
+    import fcntl
+
+    if sys.platform == "linux":
+        fcntl.fcntl(descriptor, fcntl.F_OFD_SETLKW if wait else fcntl.F_OFD_SETLK, _flock(fcntl.F_WRLCK, byte))
+    else:
+        fcntl.lockf(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB), 1, byte)
+
+
+def _flock(kind: int, byte: int) -> bytes:
+    """The `struct flock` of Linux: kind, from where `start` counts, start, length and, 0 for open files, the process."""
+    return struct.pack("hhqqi0q", kind, os.SEEK_SET, byte, 1, 0)

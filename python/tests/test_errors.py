@@ -73,6 +73,8 @@ def test_missing_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         ({"run_seed": 2**64}, "seed is 18446744073709551616"),
         ({"num_envs": 0}, "number of copies is 0, expected 1 to 1048576"),
         ({"num_envs": 2**40}, "number of copies is 1099511627776"),
+        ({"num_envs": -1}, "number of copies is -1, expected 1 to 1048576"),
+        ({"num_envs": 2, "threads": -1}, "number of threads is -1, expected 1 to 256"),
         ({"num_envs": 2, "threads": 0}, "number of threads is 0, expected 1 to 256"),
         ({"num_envs": 2, "threads": 10**6}, "number of threads is 1000000"),
         ({"num_envs": 2, "autoreset_mode": "sometimes"}, "sometimes"),

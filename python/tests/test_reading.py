@@ -230,7 +230,61 @@ def test_a_flipped_bit_is_an_error(run_copy: Path, file: str):
             _ = run.summary, run.scenario, run.policy(0)
 
 
-def test_tables_are_exported_once_and_again_after_a_change(run_copy: Path, cache_folder: Path):
+def test_a_changed_task_is_an_error(run_copy: Path):
+    path = run_copy / "envs" / "cartpole.ron"
+    text = path.read_text()
+    path.write_text(text.replace("9.8", "1.8"))
+    assert path.read_text() != text
+    with pytest.raises(seedbed.RunError, match=r"cartpole\.ron: it is damaged"):
+        _ = seedbed.load(run_copy).task
+
+
+def test_a_run_that_was_moved_is_named(run_copy: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(run_copy.parent)
+    run = seedbed.load(run_copy.name)
+    monkeypatch.chdir("/")
+    assert len(run.episodes) > 0, "the path does not depend on the working directory"
+    run_copy.rename(run_copy.with_name("moved"))
+    for name in ("states", "episodes", "summary", "scenario", "info"):
+        with pytest.raises(seedbed.RunError, match="the run was moved or removed"):
+            getattr(run, name)
+
+
+def test_a_cut_table_in_the_cache_is_written_again(run_copy: Path):
+    run = seedbed.load(run_copy)
+    path = run.parquet("episodes")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-1])
+    assert len(run.episodes) > 0 and path.read_bytes() == whole
+    path.write_bytes(b"")
+    assert run.parquet("episodes") == path and path.read_bytes() == whole
+
+
+def test_a_version_that_was_just_asked_for_stays(run_copy: Path):
+    """Another process may still open it."""
+    run = seedbed.load(run_copy)
+    first = run.parquet("episodes")
+    os.utime(first, (0, 0))
+    assert run.parquet("episodes") == first
+    os.utime(run_copy / "episodes.csv")
+    second = run.parquet("episodes")
+    assert second != first and first.exists()
+
+
+@pytest.mark.parametrize("is_file", [True, False])
+def test_a_cache_folder_that_cannot_be_written_is_named(run_copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_file: bool):
+    folder = tmp_path / "cache" if is_file else Path("/proc/cache")
+    if is_file:
+        folder.write_text("")
+    monkeypatch.setenv("SEEDBED_CACHE", str(folder))
+    with pytest.raises(seedbed.RunError, match="cannot be written to this cache folder .* SEEDBED_CACHE"):
+        _ = seedbed.load(run_copy).episodes
+
+
+def test_tables_are_exported_once_and_again_after_a_change(
+    run_copy: Path, cache_folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("seedbed.exports.KEPT_SECONDS", -1)
     run = seedbed.load(run_copy)
     first = run.parquet("episodes")
     written = first.stat().st_mtime_ns

@@ -313,6 +313,21 @@ def test_two_processes_with_one_agent(tmp_path: Path):
     assert len(episodes_of(state_file(tmp_path), 2, 1)) == 3
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere locks belong to the process, which loses them")
+def test_a_copy_of_the_folder_does_not_unlock_the_agents(tmp_path: Path):
+    environment = RecordVisitation(Counter(), tmp_path / "run")
+    play(environment, 1)
+    shutil.copytree(tmp_path / "run", tmp_path / "copy")
+    script = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+    script += "from test_recording_damage import record; from pathlib import Path\n"
+    script += f"record(Path({str(tmp_path / 'run')!r}), 1, overwrite=True)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert "RecordingError" in done.stderr and "another recorder writes to it" in done.stderr
+    play(environment, 1)
+    environment.close()
+    assert len(scan(state_file(tmp_path / "run")).episodes) == 2
+
+
 def test_a_deleted_folder_is_recorded_again(tmp_path: Path):
     """Also while a recorder of the deleted files still exists, as in notebooks."""
     first = RecordVisitation(Counter(), tmp_path / "run")

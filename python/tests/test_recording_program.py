@@ -14,7 +14,9 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
+from test_recording_writer import Counter, frames, play, state_file
 
+import seedbed
 from seedbed.recording import RecordVisitation
 
 NAMES = ["x", "v", "θ", "ω"]
@@ -101,11 +103,11 @@ def test_exported_episodes_equal_the_table_that_python_wrote(program, recorded, 
     run(program, "export", folder, "--to", tmp_path / "episodes.csv", "--content", "episodes")
     exported = (tmp_path / "episodes.csv").read_text().splitlines()
     written = (folder / "episodes.csv").read_text().splitlines()
-    assert len(exported) == len(written) == 1 + 33 and exported[0] == written[0]
+    assert len(exported) == len(written) == 1 + 33 and exported[0] + ",end_step" == written[0]
     for one, other in zip(exported[1:], written[1:], strict=True):
         one, other = one.split(","), other.split(",")
         assert (one[:4], one[5:7]) == (other[:4], other[5:7]) and float(one[4]) == float(other[4])
-        assert other[7:] == ["NaN"] * 4
+        assert other[7:11] == ["NaN"] * 4
     # Measures of visits follow from the states: after its last episode, an agent has its coverage.
     summary = json.loads(run(program, "inspect", folder, "--json"))
     for agent in summary["agents"]:
@@ -195,3 +197,57 @@ def test_a_run_in_progress_and_a_killed_one_are_read(program, tmp_path):
     assert json.loads(result.stdout)["agents"][0]["episodes"] == 2
     assert "agent_0.states: ignored" in result.stderr
     environment._recorder._recorders.is_closed = True  # the truncated file cannot be completed
+
+
+@pytest.fixture
+def finished(tmp_path):
+    """Two agents with 4 and 3 episodes."""
+    for agent, episodes in [(0, 4), (1, 3)]:
+        with RecordVisitation(Counter(2), tmp_path / "run", agent=agent) as environment:
+            play(environment, episodes)
+    return tmp_path / "run"
+
+
+def cut_end(folder, agent, episodes):
+    """Cut a file at the end of one of its episodes."""
+    path = state_file(folder, agent)
+    sizes = [16 + len(payload) for _, payload in frames(path)]
+    os.truncate(path, 16 + sum(sizes[: 1 + episodes]))
+
+
+@pytest.mark.parametrize(("agent", "episodes", "expected"), [(0, 3, 4), (0, 0, 4), (1, 2, 3), (1, None, 3)])
+def test_a_finished_recording_that_lost_its_end_is_an_error(program, finished, agent, episodes, expected):
+    if episodes is None:
+        state_file(finished, agent).unlink()
+    else:
+        cut_end(finished, agent, episodes)
+    words = f"the number of episodes of agent {agent} is {episodes or 0}, expected {expected} as in summary.json"
+    for command in (["inspect"], ["explore", "--out", finished / "x.html"], ["export", "--to", finished / "x.csv"], ["plot", "--out", finished / "x.svg"]):
+        result = subprocess.run([program, command[0], finished, *command[1:]], capture_output=True, text=True)
+        assert result.returncode == 2 and words in result.stderr, result.stderr
+    (listed,) = json.loads(run(program, "runs", finished.parent, "--json"))
+    assert listed["state"] == "unreadable" and words in listed["error"]
+    loaded = seedbed.load(finished)
+    for name in ("episodes", "states", "info"):
+        with pytest.raises(seedbed.RunError, match=words):
+            getattr(loaded, name)
+    (finished / "summary.json").unlink()
+    assert seedbed.load(finished).state == "unfinished"
+
+
+def test_a_finished_recording_with_other_steps_is_an_error(program, finished):
+    """As of recorders that did not note the episodes of each agent."""
+    summary = json.loads((finished / "summary.json").read_text())
+    del summary["episodes_of_agents"]
+    (finished / "summary.json").write_text(json.dumps(summary))
+    run(program, "inspect", finished)
+    cut_end(finished, 0, 3)
+    result = subprocess.run([program, "inspect", finished], capture_output=True, text=True)
+    assert result.returncode == 2 and "the number of steps of all episodes is 12, expected 14 as in summary.json" in result.stderr
+
+
+def test_the_whole_episodes_of_a_cut_recording_are_salvaged(program, finished, tmp_path):
+    cut_end(finished, 0, 2)
+    printed = run(program, "salvage", finished, "--out", tmp_path / "whole")
+    assert "summary.json" in printed
+    assert json.loads(run(program, "inspect", tmp_path / "whole", "--json"))["env_steps"] == 10

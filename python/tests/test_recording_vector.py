@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from functools import partial
 
@@ -11,6 +12,7 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from test_recording_writer import Counter, episodes_of, play, state_file
 
+import seedbed
 from seedbed.recording import RecordVisitation, RecordVisitationVector
 
 MODES = list(AutoresetMode)
@@ -202,9 +204,81 @@ def test_one_learner_acts_in_all_copies_unless_each_has_its_own(tmp_path):
     # An episode of n steps has the return 1 + … + n: 3 · 6 and 4 · 3.
     assert record(tmp_path / "one") == [2, [0, 0], 7, 30 / 7]
     assert record(tmp_path / "two", learners=[0, 1]) == [2, [0, 1], 3, 4.5]
-    assert record(tmp_path / "other", agents=[3, 1]) == [4, [0, 3, 2, 3], 0, 0]
+    assert record(tmp_path / "other", agents=[3, 1]) == [4, [0, 3, 2, 3], 0, None]
     with pytest.raises(ValueError, match=r"learners is \[0\], expected 2 numbers: one per copy"):
         record(tmp_path / "three", learners=[0])
+
+
+class Unequal(Counter):
+    """Episodes of one step with return 1, or of `length` steps with return 10."""
+
+    def step(self, action):
+        observation, _, terminated, truncated, info = super().step(action)
+        return observation, 1.0 if self.length == 1 else 10.0 * terminated, terminated, truncated, info
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_episodes_of_copies_are_in_the_order_in_which_they_ended(tmp_path, mode):
+    """With NEXT_STEP the copy of short episodes does half of the steps: the order is that of the steps of the loop."""
+    environments = SyncVectorEnv([partial(Unequal, length) for length in (1, 60)], autoreset_mode=mode)
+    environments = RecordVisitationVector(environments, tmp_path, keep_unfinished=False)
+    environments.reset(seed=0)
+    ended = []
+    for number in range(115):
+        terminated = environments.step(np.zeros(2, np.int64))[2]
+        ended += [(number + 1, copy) for copy in np.flatnonzero(terminated)]
+        if mode == AutoresetMode.DISABLED and terminated.any():
+            environments.reset(options={"reset_mask": terminated.copy()})
+    environments.close()
+    expected = np.mean([[1.0, 10.0][copy] for _, copy in ended[-25:]])
+    assert json.loads((tmp_path / "summary.json").read_text())["final_return"] == expected
+    assert seedbed.load(tmp_path).info["final_return"] == expected
+    with (tmp_path / "episodes.csv").open() as file:
+        assert sorted((int(row["end_step"]), int(row["agent"])) for row in csv.DictReader(file)) == ended
+
+
+def test_episodes_that_are_left_out_count_in_the_order(tmp_path):
+    """Copy 0 is reset every two steps, copy 1 has episodes of five steps: nothing is recorded of copy 0 up to step 20."""
+    environments = SyncVectorEnv([partial(Unequal, length) for length in (3, 5)], autoreset_mode=AutoresetMode.DISABLED)
+    environments = RecordVisitationVector(environments, tmp_path, keep_unfinished=False)
+    environments.reset(seed=0)
+    for number in range(1, 24):
+        terminated = environments.step(np.zeros(2, np.int64))[2]
+        mask = terminated | np.array([number < 20 and number % 2 == 0, False])
+        if mask.any():
+            environments.reset(options={"reset_mask": mask})
+    environments.close()
+    with (tmp_path / "episodes.csv").open() as file:
+        ends = [(int(row["agent"]), int(row["end_step"])) for row in csv.DictReader(file)]
+    assert sorted(ends) == [(0, 21), (1, 5), (1, 10), (1, 15), (1, 20)]
+
+
+def test_a_recording_of_copies_is_loaded(tmp_path):
+    environments = gymnasium.make_vec("CartPole-v1", num_envs=8)
+    environments = RecordVisitationVector(environments, tmp_path / "run", keep_unfinished=False)
+    environments.reset(seed=0)
+    episodes = 0
+    for _ in range(100):
+        *_, terminated, truncated, _ = environments.step(np.ones(8, np.int64))
+        episodes += int((terminated | truncated).sum())
+    environments.close()
+    run = seedbed.load(tmp_path / "run", frames="arrow")
+    assert run.episodes.num_rows == run.summary["episodes_per_agent"] == episodes
+    assert run.states.num_rows == run.summary["env_steps"] + episodes
+
+
+def test_a_resumed_recorder_counts_on(tmp_path):
+    for resume in (False, True):
+        environments = SyncVectorEnv([partial(Counter, length) for length in (2, 7)], autoreset_mode=AutoresetMode.SAME_STEP)
+        environments = RecordVisitationVector(environments, tmp_path, keep_unfinished=False, resume=resume)
+        environments.reset()
+        for _ in range(9):
+            environments.step(np.zeros(2, np.int64))
+        environments.close()
+    with (tmp_path / "episodes.csv").open() as file:
+        ends = [(int(row["agent"]), int(row["end_step"])) for row in csv.DictReader(file)]
+    first = [2, 4, 6, 8]
+    assert sorted(ends) == [(0, end) for end in first + [8 + end for end in first]] + [(1, 7), (1, 15)]
 
 
 def test_agents_count_with_their_own_last_episodes(tmp_path):

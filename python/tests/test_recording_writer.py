@@ -7,10 +7,12 @@ import gc
 import json
 import math
 import os
+import shutil
 import signal
 import struct
 import subprocess
 import sys
+import warnings
 import zlib
 from pathlib import Path
 
@@ -19,6 +21,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
+import seedbed
 from seedbed.recording import RecordingError, RecordVisitation
 from seedbed.state_files import scan
 
@@ -144,7 +147,7 @@ def test_tables_agree_with_monitor_of_stable_baselines(tmp_path):
         ["0", "1", "1", "8", "3.0", "2", "terminated"],
         ["1", "1", "1", "12", "10.0", "4", "terminated"],
     ]
-    assert set(rows[0]) - set(columns) == {"coverage", "visitation_entropy", "team_overlap", "effective_agents"}
+    assert set(rows[0]) - set(columns) == {"coverage", "visitation_entropy", "team_overlap", "effective_agents", "end_step"}
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert (summary["agents"], summary["episodes_per_agent"], summary["env_steps"]) == (2, 2, 12)
     assert summary["final_return"] == 6.5 and summary["scenario"] == tmp_path.name
@@ -268,6 +271,14 @@ def test_observations_of_any_shape_are_flattened(tmp_path):
         ({"ranges": [3, None]}, "expected (low, high)"),
         ({"action_names": ["a", "b"]}, "expected 1 names"),
         ({"agent": -1}, "agent is -1"),
+        ({"agent": 1.7}, "agent is 1.7"),
+        ({"learner": 1 << 16}, "learner is 65536"),
+        ({"agent": 1024}, "agent is 1024, expected a number below 1024"),
+        ({"names": ["a", "é" * 501]}, "a text of 1002 bytes"),
+        ({"names": ["a", "\ud800"]}, "no valid Unicode"),
+        ({"units": [1, 2]}, "units contains 1, expected a text"),
+        ({"units": ["m", "m" * 1001]}, "expected at most 1000"),
+        ({"environment": "e" * 1001}, "environment contains a text of 1001 bytes"),
         ({"overwrite": True, "resume": True}, "exclude each other"),
     ],
 )
@@ -290,6 +301,84 @@ def test_invalid_arguments_are_refused(tmp_path, options, words):
 def test_other_observations_are_refused(tmp_path, space, words):
     with pytest.raises(TypeError, match=words):
         RecordVisitation(Counter(space=space), tmp_path)
+
+
+@pytest.mark.parametrize(("space", "count"), [(spaces.Box(0, 1, (0,)), 0), (spaces.Dict(), 0), (spaces.Box(0, 1, (10_001,)), 10_001)])
+def test_actions_without_numbers_or_with_too_many_are_refused(tmp_path, space, count):
+    environment = Counter()
+    environment.action_space = space
+    with pytest.raises(TypeError, match=f"with {count} numbers, expected 1 to 10000"):
+        RecordVisitation(environment, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("steps", "rate", "expected"),
+    [
+        (sys.maxsize, 50, (None, 0.02)),
+        (2**32 - 1, np.float32(50), (2**32 - 1, 0.02)),
+        (np.int64(7), -1, (7, None)),
+        (-1, math.inf, (None, None)),
+        (0, 1e-310, (None, None)),
+        (None, "fast", (None, None)),
+        (None, 10**400, (None, None)),
+    ],
+)
+def test_limits_and_rates_that_cannot_be_recorded_are_left_out(tmp_path, steps, rate, expected):
+    """The program refuses a header with a time limit of more than 32 bits, or a step that is not longer than 0 s."""
+    environment = Counter(2)
+    environment.metadata = {"render_fps": rate}
+    environment.spec = gymnasium.envs.registration.EnvSpec("Counter-v0", max_episode_steps=steps)
+    with RecordVisitation(environment, tmp_path) as environment:
+        play(environment, 1)
+    header = scan(state_file(tmp_path)).header
+    assert (header.time_limit, header.step_seconds) == expected
+    assert seedbed.load(tmp_path, frames="arrow").states.num_rows == 3
+
+
+def test_numbers_of_agents_have_no_large_gaps(tmp_path):
+    """A larger number is accepted as soon as a quarter of the smaller ones is in use."""
+    folder = tmp_path / "states"
+    folder.mkdir()
+    with RecordVisitation(Counter(), tmp_path / "other", agent=0) as environment:
+        play(environment, 1)
+    for agent in range(300):
+        shutil.copy(state_file(tmp_path / "other"), folder / f"agent_{agent}.states")
+    with pytest.raises(ValueError, match="agent is 1204, expected a number below 1204"):
+        RecordVisitation(Counter(), tmp_path, agent=1204)
+    RecordVisitation(Counter(), tmp_path, agent=1203)
+
+
+@pytest.mark.parametrize(("rewards", "final"), [((math.inf, -math.inf), None), ((1e308, 1e308), None), ((-(10**400), 1.0), None), ((0.5, 1.0), 0.75)])
+def test_infinite_and_large_returns_complete_the_run(tmp_path, rewards, final):
+    class Given(Counter):
+        def step(self, action):
+            return *super().step(action)[:1], left.pop(0), True, False, {}
+
+    left = list(rewards)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with RecordVisitation(Given(), tmp_path) as environment:
+            play(environment, 2)
+    assert json.loads((tmp_path / "summary.json").read_text())["final_return"] == final
+
+
+def test_a_reward_beyond_double_precision_is_infinite(tmp_path):
+    class Huge(Counter):
+        def step(self, action):
+            return *super().step(action)[:1], 10**400, True, False, {}
+
+    environment = RecordVisitation(Huge(), tmp_path)
+    with pytest.warns(RuntimeWarning, match="too large for double precision"):
+        play(environment, 1)
+    environment.close()
+    assert episodes_of(state_file(tmp_path), 2, 1)[0]["return"] == math.inf
+
+
+def test_a_learner_without_episodes_has_no_final_return(tmp_path):
+    with RecordVisitation(Counter(), tmp_path, agent=1) as environment:
+        play(environment, 1)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["final_return"], summary["episodes_of_agents"]) == (None, {"1": 1})
 
 
 def test_flattened_observations_are_recorded(tmp_path):

@@ -99,6 +99,7 @@ def states(environment: Any) -> list[bytes]:
         ({"positions": {"hip": 0.1}}, ValueError, "no coordinate is named \"hip\": expected one of slider, hinge"),
         ({"numbers": {"goal": 1}}, ValueError, "the task has none"),
         ({"positions": {"hinge": float("nan")}}, ValueError, "expected a finite number"),
+        ({"positions": {"hinge": 1e39}}, ValueError, "1e39|1000000+, expected a finite number in single precision"),
         ({"positions": {"hinge": "0.1"}}, TypeError, r"options\['positions'\]\['hinge'\] is '0.1', expected a number"),
         ({"positions": {"hinge": np.zeros(2)}}, TypeError, "expected a number"),
         ({"positions": {"hinge": True}}, TypeError, "expected a number"),

@@ -19,8 +19,8 @@ use seedbed::text::{align_columns, terminal_line, without_trailing_zeros};
   seedbed runs --state unsolved
   seedbed runs sweep --json | jq '.[] | select(.team_coverage > 0.5) | .path'
 
-`return` is the mean return over agents and over their last 25 episodes; agents that other programs recorded each count \
-with their own last episodes, and copies of an environment in which one learner acts as one. `solved` is the number of episodes per agent \
+`return` is the mean over agents of the mean return of each one's own last 25 episodes; copies of an environment in which \
+one learner acts count as one. `solved` is the number of episodes per agent \
 until the task was solved, `coverage` the share of the state space that the team visited, `took` the time from the \
 first to the last file of the run. A run that cannot be read is listed as `unreadable`, with a warning; the exit status is 0.")]
 pub(super) struct RunsArgs {

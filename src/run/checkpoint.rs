@@ -58,7 +58,7 @@ pub struct CheckpointError {
 
 const FORMAT: Format = Format {
     kind: *b"ckpt",
-    version: 12,
+    version: 13,
 };
 
 impl CheckpointWriter {

@@ -74,15 +74,29 @@ impl RunFolder {
         }
     }
 
-    /// Whether the directory contains results of a run, finished or not.
+    /// Whether the directory contains results of a run, finished or not. A table or a recording alone,
+    /// beside runs in subdirectories, was exported from them.
     #[must_use]
     pub fn has_run(&self) -> bool {
-        let [episodes, _] = self.table_files();
-        let part = self.unfinished_recording_file();
-        let results = [self.summary_file(), episodes, self.recording_file(), part];
-        results.iter().any(|path| path.is_file())
+        self.has_own_run()
+            || (self.has_table_or_recording() && overview::runs_below(&self.path).is_empty())
+    }
+
+    /// Whether the directory contains files that only a run has.
+    pub(super) fn has_own_run(&self) -> bool {
+        let is_begun = self.scenario_file().is_file() && self.has_table_or_recording();
+        is_begun
+            || self.summary_file().is_file()
             || checkpoint::file(&self.path).is_file()
             || self.has_state_files()
+    }
+
+    /// Whether the directory contains a table of episodes or a recording, which can also be exported.
+    pub(super) fn has_table_or_recording(&self) -> bool {
+        let [episodes, _] = self.table_files();
+        let part = self.unfinished_recording_file();
+        let results = [episodes, self.recording_file(), part];
+        results.iter().any(|path| path.is_file())
     }
 
     /// Whether the directory contains files of visited states, which another program recorded.

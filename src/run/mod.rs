@@ -51,7 +51,7 @@ use self::folder::RunFolder;
 use self::ranks::Ranks;
 use self::round_recorder::{CheckpointKind, Recorders, RoundRecorder};
 use self::stopping::RoundDurations;
-use self::summary::{FINAL_WINDOW, Summary};
+use self::summary::Summary;
 use self::trainer::{Diverged, Trainer};
 
 use crate::input_files;
@@ -636,10 +636,7 @@ fn progress(plan: &Plan, trainer: &Trainer) -> Progress {
     Progress {
         episodes: trainer.measures().episodes_per_agent(),
         max_episodes: plan.scenario.max_episodes() as usize,
-        recent_return: trainer
-            .measures()
-            .recent_return(FINAL_WINDOW)
-            .unwrap_or(0.0),
+        recent_return: trainer.measures().final_return().unwrap_or(0.0),
         env_steps: trainer.measures().env_steps(),
         max_env_steps: plan.scenario.stop.max_env_steps(),
     }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use super::checksums::Checksums;
 use super::folder::RunFolder;
-use super::review::{final_mean, final_mean_of_learners, team_returns};
+use super::review::{final_mean_of_learners, final_return, returns_of_agents, team_returns};
 use super::summary::{self, SolvedAt};
 use crate::input_files;
 use crate::record::EpisodeRow;
@@ -76,8 +76,7 @@ pub struct Results {
     pub episodes_per_agent: Option<u64>,
     /// Number of environment steps of the whole team.
     pub env_steps: Option<u64>,
-    /// Mean return over agents and over the last 25 episodes of each agent. In runs of seedbed,
-    /// episodes count that every agent has finished.
+    /// Mean return over agents and over the last 25 episodes of each agent.
     pub final_return: Option<f64>,
     /// Threshold at which the task counts as solved.
     pub solved_at: Option<SolvedAt>,
@@ -122,11 +121,27 @@ pub fn run_folders(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
+/// Directories of all runs in the subdirectories of `folder`.
+pub(super) fn runs_below(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    collect_runs_below(folder, MAX_DEPTH, &mut found);
+    found
+}
+
 fn collect_run_folders(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) {
-    if RunFolder::new(folder).has_run() {
+    let run_folder = RunFolder::new(folder);
+    if run_folder.has_own_run() {
         found.push(folder.to_owned());
         return;
     }
+    let found_before = found.len();
+    collect_runs_below(folder, depth, found);
+    if found.len() == found_before && run_folder.has_table_or_recording() {
+        found.push(folder.to_owned());
+    }
+}
+
+fn collect_runs_below(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries {
         // Links are not followed, so that a link to a parent directory ends nowhere.
@@ -258,7 +273,7 @@ fn add_episodes(results: &mut Results, rows: &[EpisodeRow]) {
     let returns = team_returns(rows, results.agents.unwrap_or(0) as usize);
     results.episodes_per_agent = Some(returns.len() as u64);
     results.env_steps = Some(rows.last().map_or(0, |row| row.env_steps));
-    results.final_return = final_mean(&returns);
+    results.final_return = final_return(&returns_of_agents(rows, agents as usize), &returns);
     results.effective_agents = rows.last().map(|row| row.effective_agents);
 }
 

@@ -31,8 +31,9 @@ pub struct Summary {
     pub solved_at: Option<SolvedAt>,
     /// Number of episodes per agent until the threshold was reached; `None` if it was not.
     pub episodes_until_solved: Option<usize>,
-    /// Mean return over agents and over the last [`FINAL_WINDOW`] episodes of each agent.
-    pub final_return: f64,
+    /// Mean return over agents and over the last [`FINAL_WINDOW`] episodes of each agent; `None` if an
+    /// agent has finished none.
+    pub final_return: Option<f64>,
     /// Share of the state space that each agent visited, 0 to 1: `[K]`.
     #[serde(default)]
     pub coverage: Vec<f64>,
@@ -97,7 +98,7 @@ impl Summary {
             }),
             episodes_until_solved: threshold
                 .and_then(|threshold| measures.episodes_until(threshold)),
-            final_return: measures.recent_return(FINAL_WINDOW).unwrap_or(0.0),
+            final_return: measures.final_return(),
             coverage: measures.coverage().collect(),
             team_coverage: Some(visits.team_coverage),
             visitation_entropy: visits.entropy,

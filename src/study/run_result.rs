@@ -136,12 +136,11 @@ impl RunResult {
         self.returns.iter().map(Vec::len).min().unwrap_or(0)
     }
 
-    /// Whether another program made the run, and its agents finished different numbers of episodes.
+    /// Whether agents finished different numbers of episodes.
     #[must_use]
     pub fn has_different_lengths(&self) -> bool {
-        let is_of_others = self.rounding != Rounding::SingleRewards;
         let mut lengths = self.returns.iter().map(Vec::len);
-        is_of_others && lengths.any(|length| length != self.returns[0].len())
+        lengths.any(|length| length != self.returns[0].len())
     }
 
     /// Mean return over agents of each episode number that every agent has finished: `[episodes]`.

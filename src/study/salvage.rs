@@ -79,7 +79,23 @@ fn salvage_folder(
             salvaged.push(salvage_file(&path, &target, Some(&known))?);
         }
     }
+    remove_untrue_summary(from, to, salvaged)?;
     write_checksums(to, from, salvaged)
+}
+
+/// Removes the summary of files of visited states that have lost episodes.
+fn remove_untrue_summary(from: &Path, to: &Path, salvaged: &mut [SalvagedFile]) -> io::Result<()> {
+    let (of_source, of_target) = (RunFolder::new(from), RunFolder::new(to));
+    let is_true = !of_target.has_state_files() || StateFiles::open_folder(to).is_ok();
+    if is_true || !of_target.summary_file().is_file() {
+        return Ok(());
+    }
+    files::remove_if_exists(&of_target.summary_file())?;
+    let mut found = salvaged.iter_mut();
+    if let Some(file) = found.find(|file| file.path == of_source.summary_file()) {
+        file.fate = Fate::Lost("other episodes than in it are left".to_owned());
+    }
+    Ok(())
 }
 
 /// The files of a run in a folder of it, such as its tasks.

@@ -208,6 +208,43 @@ fn values_may_be_means_over_episodes() {
     );
 }
 
+const EPISODES_OF_COPIES: &str = "agent,episode,round,env_steps,return,length,outcome,end_step
+0,0,0,1,1.0,1,terminated,1
+1,0,0,3,7.0,2,terminated,2
+0,1,1,4,3.0,1,terminated,3
+1,1,1,6,9.0,2,terminated,4
+0,2,2,7,5.0,1,terminated,5
+";
+
+/// Two copies of one learner, of which the first is reset by steps that are not recorded: the return 9 is
+/// that of the fourth episode, which ended after four steps of both.
+#[test]
+fn episodes_of_copies_are_in_the_order_of_their_ends() {
+    let fixture = Fixture::new(
+        r#"Study(
+            title: "Copies",
+            solved: (return: 9, window: 1),
+            cells: [(name: "copies", results: Runs("run"))],
+            measures: [EpisodesToSolve],
+        )"#,
+    );
+    let write_summary = |episodes: u32| {
+        let text = format!(
+            r#"{{"learners": [0, 0], "env_steps": 7, "episodes_of_agents": {{"0": 3, "1": {episodes}}}}}"#
+        );
+        fixture.write("run/summary.json", &text);
+    };
+    fixture.write("run/episodes.csv", EPISODES_OF_COPIES);
+    write_summary(2);
+    fixture.succeed(&[]);
+    let columns = ["episodes", "episodes_to_solve", "env_steps_to_solve"];
+    assert_eq!(values(&fixture.rows()[0], &columns), ["5", "4.0", "8.0"]);
+    write_summary(3);
+    let error = fixture.fail(2, &[]);
+    let words = "the number of episodes of agent 1 is 2, expected 3 as in summary.json";
+    assert!(error.contains(words), "{error}");
+}
+
 /// Two agents that solve the task of the scenario in some of their runs.
 const SETTINGS: [&str; 2] = [
     "agents.count=2",

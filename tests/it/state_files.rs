@@ -468,6 +468,107 @@ fn missing_agents_have_no_visits() {
     run_successful(&["export", path, "--to", &format!("{path}/run.rrd")]);
 }
 
+/// Two copies of one learner. Copy 0 is reset by a step that is not recorded before each episode but the
+/// first, as in the mode `NEXT_STEP`; its episodes end after 1, 3 and 5 steps, that of copy 1 after 2.
+#[test]
+fn episodes_of_copies_are_in_the_order_of_steps_that_need_not_be_recorded() {
+    let of_learner = |agent: u32| {
+        let mut header = header(agent);
+        header["learner"] = json!(0);
+        file_start(&header)
+    };
+    let begin = |steps: u64| frame(*b"STEP", &steps.to_le_bytes());
+    let copy_0 = [
+        of_learner(0),
+        short_episode(0, 1.0).frame(),
+        begin(2),
+        short_episode(1, 3.0).frame(),
+        begin(4),
+        short_episode(2, 5.0).frame(),
+        closed(3),
+    ];
+    let copy_1 = [of_learner(1), episode(0, 1).frame(), closed(1)];
+    let folder = run_with(&[copy_0.concat(), copy_1.concat()]);
+    let files = StateFiles::open_folder(folder.path()).unwrap();
+    let returns = files.learners().returns(files.episode_rows());
+    assert_eq!(returns, [[1.0, 0.1, 3.0, 5.0]]);
+    let error = error_of(&[file_start(&header(0)), frame(*b"STEP", &[0; 4])].concat());
+    assert!(
+        error.contains("a number of steps without 8 bytes"),
+        "{error}"
+    );
+}
+
+/// Each number of an agent takes memory, also without a file: 65,536² overlaps of pairs would take 34 GB.
+#[test]
+fn numbers_of_agents_with_large_gaps_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().to_str().unwrap();
+    for agent in [0, 65535] {
+        write_file(folder.path(), agent, &small_file(agent));
+    }
+    for command in ["inspect", "plot", "explore"] {
+        let error = run_refused(&[command, path]);
+        let words = "it has agent 65535 and 2 agents in all, expected numbers below 1024";
+        assert!(error.contains(words), "{error}");
+    }
+    let single = write_file(folder.path(), 65535, &small_file(65535));
+    fs::remove_file(&single).unwrap();
+    write_file(folder.path(), 1023, &small_file(1023));
+    assert_eq!(
+        StateFiles::open_folder(folder.path())
+            .unwrap()
+            .agent_count(),
+        1024
+    );
+}
+
+/// The summary is written when all files are complete, so that the end of a file was lost later.
+#[test]
+fn a_finished_run_has_the_episodes_of_its_summary() {
+    let folder = run_with(&[small_file(0), small_file(1)]);
+    let path = folder.path().to_str().unwrap();
+    let summary = folder.path().join("summary.json");
+    fs::write(
+        &summary,
+        r#"{"agents": 2, "episodes_of_agents": {"0": 3, "1": 3}, "env_steps": 12}"#,
+    )
+    .unwrap();
+    assert!(run_successful(&["inspect", path]).contains("finished"));
+    let mut frames = small_frames();
+    frames.truncate(1);
+    write_file(
+        folder.path(),
+        1,
+        &[file_start(&header(1)), frames.concat()].concat(),
+    );
+    let words = "the number of episodes of agent 1 is 1, expected 3 as in summary.json";
+    let table = format!("{path}/states.csv");
+    for arguments in [
+        &["inspect", path][..],
+        &["plot", path],
+        &["explore", path],
+        &["film", path],
+        &["export", path, "--to", &table],
+    ] {
+        let error = run_refused(arguments);
+        assert!(
+            error.contains(words) && error.contains("delete summary.json"),
+            "{error}"
+        );
+    }
+    let listed: Value = serde_json::from_str(&run_successful(&["runs", path, "--json"])).unwrap();
+    assert_eq!(listed[0]["state"], "unreadable");
+    fs::write(&summary, "{").unwrap();
+    let error = run_refused(&["inspect", path]);
+    assert!(
+        error.contains("summary.json") && error.contains("it is no summary"),
+        "{error}"
+    );
+    fs::remove_file(&summary).unwrap();
+    assert!(run_successful(&["inspect", path]).contains("not finished"));
+}
+
 /// The measures that commands show are those of the states in the files.
 #[test]
 fn commands_show_runs_that_others_recorded() {

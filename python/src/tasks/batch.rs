@@ -19,7 +19,7 @@ use super::actions::ActionReader;
 use super::description::{Task, task_error};
 use super::group::{Autoreset, Group, Phase, Rows};
 use super::options::{
-    MAX_COPIES, MAX_THREADS, autoreset_name, check_range, default_threads, parse_autoreset,
+    MAX_COPIES, MAX_THREADS, autoreset_name, checked_count, default_threads, parse_autoreset,
     parse_physics, physics_name, with_time_limit,
 };
 use super::picture;
@@ -85,17 +85,19 @@ impl Batch {
     fn new(
         py: Python<'_>,
         task: Py<Task>,
-        copies: usize,
+        copies: i64,
         physics: &str,
-        threads: Option<usize>,
+        threads: Option<i64>,
         max_episode_steps: Option<i64>,
         autoreset: &str,
         team: bool,
     ) -> PyResult<Self> {
-        check_range("number of copies", copies, MAX_COPIES)?;
+        let copies = checked_count("number of copies", copies, MAX_COPIES)?;
         let description = &task.get().description;
-        let threads = threads.unwrap_or_else(|| default_threads(description, copies));
-        check_range("number of threads", threads, MAX_THREADS)?;
+        let threads = match threads {
+            None => default_threads(description, copies),
+            Some(threads) => checked_count("number of threads", threads, MAX_THREADS)?,
+        };
         let physics = parse_physics(physics, description)?;
         let description = with_time_limit(description, max_episode_steps)?;
         let spec = description.spec();

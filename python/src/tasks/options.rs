@@ -88,11 +88,10 @@ pub(super) fn with_time_limit(
     Ok(Arc::new(description))
 }
 
-pub(super) fn check_range(name: &str, value: usize, max: usize) -> PyResult<()> {
-    if (1..=max).contains(&value) {
-        return Ok(());
-    }
-    Err(PyValueError::new_err(format!(
-        "{name} is {value}, expected 1 to {max}"
-    )))
+/// A number of copies or threads that Python gives: from 1 to `max`.
+pub(super) fn checked_count(name: &str, given: i64, max: usize) -> PyResult<usize> {
+    let count = usize::try_from(given).ok();
+    let count = count.filter(|count| (1..=max).contains(count));
+    let error = || PyValueError::new_err(format!("{name} is {given}, expected 1 to {max}"));
+    count.ok_or_else(error)
 }

@@ -12,7 +12,7 @@ pub(super) type NamedNumbers = BTreeMap<String, f64>;
 /// The start state with these positions and velocities of coordinates and these numbers of the episode.
 ///
 /// # Errors
-/// The task has no number of such a name, or a number is not finite.
+/// The task has no number of such a name, or a number is not finite in single precision.
 pub(super) fn given_start(
     names: &StartNames,
     [positions, velocities, numbers]: [NamedNumbers; 3],
@@ -53,9 +53,10 @@ fn indexed(
         let Some(index) = known.iter().position(|other| *other == name) else {
             return Err(unknown(option, kind, &name, known));
         };
-        if !number.is_finite() {
+        // Tasks compute in single precision, in which large numbers are infinite.
+        if !(number as f32).is_finite() {
             return Err(PyValueError::new_err(format!(
-                "options[{option:?}][{name:?}] is {number}, expected a finite number"
+                "options[{option:?}][{name:?}] is {number}, expected a finite number in single precision"
             )));
         }
         Ok((index, number))

@@ -17,9 +17,13 @@ use seedbed::run::measures::visitation::{Visitation, visiting_agents};
 use seedbed::run::review::recording_stats::RecordingStats;
 use seedbed::run::review::selection::EpisodeSelection;
 use seedbed::run::review::{
-    LoadRunError, LoadedRun, final_mean, final_mean_of_learners, means_of_learners,
+    LoadRunError, LoadedRun, final_mean_of_learners, final_return, means_of_learners,
+    returns_of_agents,
 };
 use seedbed_env::Status;
+
+/// Maximum number of agents of which the overlap of each pair is computed.
+const MAX_AGENTS_IN_OVERLAPS: usize = 1024;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -159,11 +163,22 @@ impl Inspected {
     /// Returns of each learner in the selected episodes of a run that another program recorded; `None`
     /// of a run of seedbed.
     fn returns_of_learners(&self) -> Option<Vec<Vec<f64>>> {
-        let mut returns = self.run.learners()?.returns(&self.run.episodes);
+        Some(self.selected(self.run.learners()?.returns(&self.run.episodes)))
+    }
+
+    /// Returns of each learner or, in a run of seedbed, of each agent in the selected episodes.
+    fn returns(&self) -> Vec<Vec<f64>> {
+        let of_agents = || returns_of_agents(&self.run.episodes, self.run.agent_count());
+        let of_learners = self.returns_of_learners();
+        of_learners.unwrap_or_else(|| self.selected(of_agents()))
+    }
+
+    /// Without the agents or learners that are not selected.
+    fn selected(&self, mut returns: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
         if !self.selection.agents.is_empty() {
             returns.retain(|learner| !learner.is_empty());
         }
-        Some(returns)
+        returns
     }
 
     /// Mean over the selected agents, or learners, of the returns of their last episodes; `None` if one
@@ -171,7 +186,7 @@ impl Inspected {
     fn final_return(&self) -> Option<f64> {
         match self.returns_of_learners() {
             Some(returns) => final_mean_of_learners(&returns),
-            None => final_mean(&self.team_returns()),
+            None => final_return(&self.returns(), &self.team_returns()),
         }
     }
 
@@ -182,9 +197,10 @@ impl Inspected {
     }
 
     /// Overlap of each pair of the selected agents' visited states, `None` of agents without visits:
-    /// `[agents][agents]`. `None` without a recording.
+    /// `[agents][agents]`. `None` without a recording, or if there are too many agents.
     fn overlaps(&self) -> Option<Vec<Vec<Option<f64>>>> {
-        let stats = self.stats.as_ref()?;
+        let stats = self.stats.as_ref();
+        let stats = stats.filter(|stats| stats.visitation.len() <= MAX_AGENTS_IN_OVERLAPS)?;
         let (overlaps, count) = (stats.overlaps(), stats.visitation.len());
         let overlap = |one: u32, other: u32| overlaps.get(one as usize * count + other as usize);
         let row = |&one: &u32| -> Option<Vec<Option<f64>>> {

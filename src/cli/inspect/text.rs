@@ -71,7 +71,7 @@ impl TerminalSummary<'_> {
         let mut text = format!(
             "{}: {who}, {}{}, {} env steps\n",
             bold(&terminal_line(&run.name())),
-            self.episode_count(learners.as_deref()),
+            self.episode_count(),
             if learner_count == 1 { "" } else { " each" },
             with_thousands_separators(env_steps)
         );
@@ -83,8 +83,9 @@ impl TerminalSummary<'_> {
     }
 
     /// Number of episodes per agent, or from the smallest to the largest number.
-    fn episode_count(&self, learners: Option<&[Vec<f64>]>) -> String {
-        let counts = || learners.into_iter().flatten().map(Vec::len);
+    fn episode_count(&self) -> String {
+        let returns = self.inspected.returns();
+        let counts = || returns.iter().map(Vec::len);
         match (counts().min(), counts().max()) {
             (Some(min), Some(max)) if min < max => format!("{min} to {max} episodes"),
             _ => pluralize(self.inspected.team_returns().len(), "episode"),
@@ -167,12 +168,9 @@ impl TerminalSummary<'_> {
     }
 
     fn has_different_lengths(&self) -> bool {
-        let learners = self.inspected.returns_of_learners();
-        learners.is_some_and(|returns| {
-            returns
-                .iter()
-                .any(|learner| learner.len() != returns[0].len())
-        })
+        let returns = self.inspected.returns();
+        let mut lengths = returns.iter().map(Vec::len);
+        lengths.any(|length| length != returns[0].len())
     }
 
     fn title_of_returns(&self) -> &'static str {
@@ -294,11 +292,10 @@ impl TerminalSummary<'_> {
 
     fn overlap_table(&self) -> String {
         let agents = &self.inspected.agents;
-        let Some(overlaps) = self
-            .inspected
-            .overlaps()
-            .filter(|overlaps| (2..=MAX_AGENTS_IN_OVERLAP_TABLE).contains(&overlaps.len()))
-        else {
+        if !(2..=MAX_AGENTS_IN_OVERLAP_TABLE).contains(&agents.len()) {
+            return String::new();
+        }
+        let Some(overlaps) = self.inspected.overlaps() else {
             return String::new();
         };
         let mut text = bold(

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::frames::{Frame, FrameKind, Frames};
+use super::frames::{Frame, FrameKind, Frames, long_number};
 use super::header::Header;
 use crate::record::{ReadError, RecordedEpisode};
 use seedbed_env::Status;
@@ -19,6 +19,9 @@ pub(super) struct AgentEpisodes {
     unfinished: Option<RecordedEpisode>,
     /// Number of finished episodes so far.
     finished: u32,
+    /// Number of steps of the environment before the next or unfinished episode, also of those that
+    /// are not recorded.
+    begin_step: u64,
     /// Whether an error occurred, after which nothing is read.
     failed: bool,
 }
@@ -28,6 +31,9 @@ pub(super) struct FinishedEpisode {
     pub episode: RecordedEpisode,
     /// Sum of the rewards, which are recorded with less precision.
     pub total_reward: f64,
+    /// Number of steps of the environment up to the end of the episode, also of those that are not
+    /// recorded.
+    pub end_step: u64,
 }
 
 /// The numbers before the arrays.
@@ -47,6 +53,7 @@ impl AgentEpisodes {
             header,
             unfinished: None,
             finished: 0,
+            begin_step: 0,
             failed: false,
         })
     }
@@ -71,6 +78,7 @@ impl AgentEpisodes {
             let added = match frame.kind {
                 FrameKind::Episode => self.add(&frame.payload),
                 FrameKind::Header => Err("a second header".to_owned()),
+                FrameKind::Begin => self.set_begin(&frame.payload).map(|()| None),
                 FrameKind::Closed => self.check_end(&frame.payload).map(|()| None),
             };
             let finished = added.map_err(|reason| self.damaged(&frame, reason))?;
@@ -113,11 +121,19 @@ impl AgentEpisodes {
             return Err("an episode without steps".to_owned());
         }
         self.finished += 1;
+        self.begin_step = self.begin_step.saturating_add(episode.length() as u64);
         episode.outcome = start.outcome;
         Ok(Some(FinishedEpisode {
             episode,
             total_reward: start.total_reward,
+            end_step: self.begin_step,
         }))
+    }
+
+    fn set_begin(&mut self, payload: &[u8]) -> Result<(), String> {
+        let begin = long_number(payload);
+        self.begin_step = begin.ok_or_else(|| "a number of steps without 8 bytes".to_owned())?;
+        Ok(())
     }
 
     fn add_arrays(

@@ -43,6 +43,8 @@ pub(super) struct Frame {
 pub(super) enum FrameKind {
     /// What the states are; the first frame.
     Header,
+    /// Number of steps of the environment before the next episode.
+    Begin,
     /// Steps of an episode.
     Episode,
     /// The recorder was closed.
@@ -123,6 +125,7 @@ impl Frames {
         }
         let kind = match &start[..4] {
             b"HEAD" => FrameKind::Header,
+            b"STEP" => FrameKind::Begin,
             b"EPIS" => FrameKind::Episode,
             b"DONE" => FrameKind::Closed,
             _ => return Err(self.damaged(offset, "unknown kind of frame".to_owned())),
@@ -201,6 +204,11 @@ pub(super) fn checksum(bytes: &[u8]) -> u32 {
     let mut crc = Crc::new();
     crc.update(bytes);
     crc.sum()
+}
+
+/// The number in eight bytes.
+pub(super) fn long_number(bytes: &[u8]) -> Option<u64> {
+    Some(u64::from_le_bytes(bytes.try_into().ok()?))
 }
 
 /// The number in the first four bytes.

@@ -6,6 +6,7 @@
 //! number. An incomplete frame at the end of a file, as a process leaves it that is killed or in
 //! progress, is a warning. Memory contains one episode per agent, and one row per episode.
 
+mod completeness;
 mod episodes;
 mod frames;
 mod header;
@@ -18,12 +19,14 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+pub use self::completeness::NotedEpisodes;
 use self::episodes::{AgentEpisodes, FinishedEpisode};
 use self::header::{Header, HeaderAxis};
 pub use self::learners::{EndedEpisode, Learners};
 use super::visitation::Axes;
 use super::{BonusRange, EpisodeRow, ReadError, RecordedEpisode};
 use seedbed_env::Quantity;
+use seedbed_env::input::limits::MAX_SPARSE_AGENTS;
 
 /// Extension of a file of visited states.
 const EXTENSION: &str = "states";
@@ -49,11 +52,18 @@ pub struct StateFiles {
 /// Smallest and largest finite value of each quantity.
 struct Extents(Vec<[f32; 2]>);
 
+/// The agent of a file.
+struct Agent {
+    number: u32,
+    learner: Option<u32>,
+    /// Number of steps of its environment up to the end of each episode.
+    end_steps: Vec<u64>,
+}
+
 /// What all files have in common, collected one by one.
 struct Collected {
     header: Header,
-    /// Numbers of the agents and, if they have one, of their learners.
-    agents: Vec<(u32, Option<u32>)>,
+    agents: Vec<Agent>,
     rows: Vec<EpisodeRow>,
     warnings: Vec<String>,
     observations: Extents,
@@ -80,15 +90,23 @@ impl StateFiles {
             && !path.file_name().is_some_and(is_hidden)
     }
 
-    /// Opens all files in the folder of a run.
+    /// Opens all files in the folder of a run. Those of a finished run have the episodes that its
+    /// summary says.
     ///
     /// # Errors
-    /// A file cannot be read, is damaged, or its agent has other axes than another agent.
+    /// A file cannot be read, is damaged, has lost its end, or its agent has other axes than another
+    /// agent.
     pub fn open_folder(run_folder: &Path) -> Result<Self, ReadError> {
+        // A recorder that continues removes the summary before it writes.
+        let noted = NotedEpisodes::read(run_folder)?;
         let name = fs::canonicalize(run_folder).ok();
         let name = name.as_deref().unwrap_or(run_folder).file_name();
         let name = name.unwrap_or(run_folder.as_os_str()).to_string_lossy();
-        Self::open(&name, Self::paths_in(run_folder), run_folder)
+        let files = Self::open(&name, Self::paths_in(run_folder), run_folder)?;
+        if let Some(noted) = noted {
+            noted.check(run_folder, &files.rows)?;
+        }
+        Ok(files)
     }
 
     /// Opens the file of one agent.
@@ -117,7 +135,12 @@ impl StateFiles {
             });
         };
         files.sort();
-        Ok(collected.into_state_files(name, files.into_iter().map(|(_, path)| path).collect()))
+        if named.is_dir() {
+            check_numbers(&collected.agents, named)?;
+        }
+        let learners = learners_of(&collected.agents);
+        let files = files.into_iter().map(|(_, path)| path).collect();
+        Ok(collected.into_state_files(name, learners, files))
     }
 
     /// Properties of the run by name, as of a recording: `environment`, `agents`.
@@ -151,9 +174,9 @@ impl StateFiles {
     pub fn learners_in(run_folder: &Path) -> Result<Learners, ReadError> {
         let mut agents = Vec::new();
         for path in Self::paths_in(run_folder) {
-            let header = AgentEpisodes::open(&path)?.header().clone();
-            agents.push((header.agent, header.learner));
+            agents.push(Agent::of(AgentEpisodes::open(&path)?.header()));
         }
+        check_numbers(&agents, run_folder)?;
         Ok(learners_of(&agents))
     }
 
@@ -238,7 +261,7 @@ impl Collected {
         let episodes = AgentEpisodes::open(path)?;
         let header = episodes.header().clone();
         let mut collected = Self {
-            agents: vec![(header.agent, header.learner)],
+            agents: vec![Agent::of(&header)],
             rows: Vec::new(),
             warnings: Vec::new(),
             observations: Extents::new(&header.observations),
@@ -254,23 +277,24 @@ impl Collected {
     fn add(&mut self, path: &Path) -> Result<u32, ReadError> {
         let episodes = AgentEpisodes::open(path)?;
         let header = episodes.header();
-        let (agent, learner) = (header.agent, header.learner);
+        let agent = Agent::of(header);
+        let number = agent.number;
         let unreadable = |reason: String| ReadError::Unreadable {
             path: path.to_owned(),
             reason,
         };
-        if self.agents.iter().any(|(other, _)| *other == agent) {
-            return Err(unreadable(format!("another file has agent {agent}, too")));
+        if self.agents.iter().any(|other| other.number == number) {
+            return Err(unreadable(format!("another file has agent {number}, too")));
         }
         if let Some(difference) = self.header.difference(header) {
             return Err(unreadable(format!(
-                "{difference} of agent {agent} differ from those of agent {}; record them in separate folders",
+                "{difference} of agent {number} differ from those of agent {}; record them in separate folders",
                 self.header.agent
             )));
         }
-        self.agents.push((agent, learner));
+        self.agents.push(agent);
         self.add_episodes(episodes)?;
-        Ok(agent)
+        Ok(number)
     }
 
     fn add_episodes(&mut self, mut episodes: AgentEpisodes) -> Result<(), ReadError> {
@@ -280,19 +304,26 @@ impl Collected {
             self.actions.add(&finished.episode.actions);
             self.max_length = self.max_length.max(finished.episode.length() as u32);
             self.rows.push(row(&finished));
+            if let Some(agent) = self.agents.last_mut() {
+                agent.end_steps.push(finished.end_step);
+            }
         }
         self.warnings.extend(episodes.warning());
         Ok(())
     }
 
-    fn into_state_files(mut self, name: &str, files: Vec<PathBuf>) -> StateFiles {
+    fn into_state_files(
+        mut self,
+        name: &str,
+        learners: Learners,
+        files: Vec<PathBuf>,
+    ) -> StateFiles {
         self.rows.sort_by_key(|row| (row.round, row.agent));
         let mut env_steps = 0;
         for row in &mut self.rows {
             env_steps += u64::from(row.length);
             row.env_steps = env_steps;
         }
-        let learners = learners_of(&self.agents);
         let properties = [
             ("RecordingInfo:name", name.to_owned()),
             ("environment", self.header.environment.clone()),
@@ -314,14 +345,52 @@ impl Collected {
     }
 }
 
-/// The learner of each agent; agents without a file are learners of their own.
-fn learners_of(agents: &[(u32, Option<u32>)]) -> Learners {
-    let count = agents.iter().map(|(agent, _)| agent + 1).max().unwrap_or(0);
-    let mut learners: Vec<u32> = (0..count).collect();
-    for (agent, learner) in agents {
-        learners[*agent as usize] = learner.unwrap_or(*agent);
+impl Agent {
+    fn of(header: &Header) -> Self {
+        Self {
+            number: header.agent,
+            learner: header.learner,
+            end_steps: Vec::new(),
+        }
     }
-    Learners::new(learners)
+}
+
+/// Number of agents K: the largest number of an agent, plus 1.
+fn count_of(agents: &[Agent]) -> u32 {
+    agents
+        .iter()
+        .map(|agent| agent.number + 1)
+        .max()
+        .unwrap_or(0)
+}
+
+/// Checks that the numbers of agents in a folder have no large gaps.
+fn check_numbers(agents: &[Agent], folder: &Path) -> Result<(), ReadError> {
+    let (count, files) = (count_of(agents), agents.len() as u32);
+    let limit = MAX_SPARSE_AGENTS.max(4 * files);
+    if count <= limit {
+        return Ok(());
+    }
+    Err(ReadError::Unreadable {
+        path: folder.to_owned(),
+        reason: format!(
+            "it has agent {} and {files} agents in all, expected numbers below {limit}: agents are numbered from 0",
+            count - 1
+        ),
+    })
+}
+
+/// The learner of each agent; agents without a file are learners of their own.
+fn learners_of(agents: &[Agent]) -> Learners {
+    let count = count_of(agents);
+    let mut learners: Vec<u32> = (0..count).collect();
+    let mut end_steps = vec![Vec::new(); count as usize];
+    for agent in agents {
+        let index = agent.number as usize;
+        learners[index] = agent.learner.unwrap_or(agent.number);
+        end_steps[index].clone_from(&agent.end_steps);
+    }
+    Learners::new(learners).with_end_steps(end_steps)
 }
 
 fn row(finished: &FinishedEpisode) -> EpisodeRow {

@@ -45,7 +45,13 @@ pub fn salvage(path: &Path) -> io::Result<Option<SalvagedStates>> {
     };
     salvaged.add_frame(*b"HEAD", header.payload);
     let mut unfinished: Vec<&[u8]> = Vec::new();
-    for frame in frames.iter().filter(|frame| frame.kind == b"EPIS") {
+    for frame in &frames {
+        if frame.kind == b"STEP" {
+            salvaged.add_frame(*b"STEP", frame.payload);
+        }
+        if frame.kind != b"EPIS" {
+            continue;
+        }
         if frame.payload.len() < EPISODE_START || !continues(&mut unfinished, frame.payload) {
             unfinished.clear();
             continue;
@@ -98,7 +104,7 @@ fn whole_frames(bytes: &[u8]) -> (Vec<WholeFrame<'_>>, usize) {
 fn frame_at(bytes: &[u8]) -> Option<WholeFrame<'_>> {
     let (start, rest) = bytes.split_first_chunk::<FRAME_START>()?;
     let kind = &bytes[..4];
-    if ![b"HEAD", b"EPIS", b"DONE"]
+    if ![b"HEAD", b"STEP", b"EPIS", b"DONE"]
         .iter()
         .any(|known| kind == *known)
         || checksum(&start[..12]) != number(&start[12..])

@@ -13,6 +13,7 @@ use self::diversity::Diversity;
 use self::first_visits::FirstVisits;
 use self::recent::RecentVisits;
 use self::visitation::{StateBins, Visitation, without_rounding_error};
+use super::summary::FINAL_WINDOW;
 use crate::record::{EpisodeRow, RoundRow};
 use crate::scenario::{Rounding, Threshold};
 use seedbed_env::TaskSpec;
@@ -31,6 +32,8 @@ pub struct Measures {
     team_returns: Vec<f64>,
     /// For each agent, the returns of episodes that not all agents have finished: `[K]`
     unmatched_returns: Vec<VecDeque<f64>>,
+    /// For each agent, the returns of its last [`FINAL_WINDOW`] episodes: `[K]`
+    last_returns: Vec<VecDeque<f64>>,
 }
 
 /// The rows that a round adds to the tables.
@@ -75,6 +78,7 @@ impl Measures {
             first_visits: FirstVisits::new(spec, agents),
             team_returns: Vec::new(),
             unmatched_returns: vec![VecDeque::new(); agents],
+            last_returns: vec![VecDeque::new(); agents],
         }
     }
 
@@ -150,12 +154,20 @@ impl Measures {
         self.team_returns.len()
     }
 
-    /// Mean return over all agents and their last `window` episodes, or over all episodes if there
-    /// are fewer. `None` before every agent has finished an episode.
+    /// Mean return over all agents and over the last [`FINAL_WINDOW`] episodes of each agent, or over all
+    /// its episodes if there are fewer. `None` before every agent has finished an episode.
     #[must_use]
-    pub fn recent_return(&self, window: usize) -> Option<f64> {
-        let recent = &self.team_returns[self.team_returns.len().saturating_sub(window)..];
-        (!recent.is_empty()).then(|| mean(recent))
+    pub fn final_return(&self) -> Option<f64> {
+        if self.unmatched_returns.iter().all(VecDeque::is_empty) {
+            let start = self.team_returns.len().saturating_sub(FINAL_WINDOW);
+            let last = &self.team_returns[start..];
+            return (!last.is_empty()).then(|| mean(last));
+        }
+        let last = self.last_returns.iter().map(|returns| {
+            let returns: Vec<f64> = returns.iter().copied().collect();
+            (!returns.is_empty()).then(|| mean(&returns))
+        });
+        last.collect::<Option<Vec<f64>>>().map(|means| mean(&means))
     }
 
     /// Whether the mean return over the latest full window reaches the threshold.
@@ -219,7 +231,13 @@ impl Measures {
 
     fn extend_team_returns(&mut self, episodes: &[&Episode]) {
         for episode in episodes {
-            self.unmatched_returns[episode.agent as usize].push_back(episode.total_reward());
+            let (agent, total_reward) = (episode.agent as usize, episode.total_reward());
+            self.unmatched_returns[agent].push_back(total_reward);
+            let last = &mut self.last_returns[agent];
+            last.push_back(total_reward);
+            if last.len() > FINAL_WINDOW {
+                last.pop_front();
+            }
         }
         while self
             .unmatched_returns
@@ -300,25 +318,41 @@ mod tests {
             }),
             None
         );
-        assert_eq!(measures.recent_return(2), Some(4.5));
+        assert_eq!(measures.final_return(), Some(11.0 / 3.0));
         assert_eq!(measures.env_steps(), 6);
     }
 
-    /// Agent 0 is one episode ahead: its second return, 8, counts only after the second episode of
-    /// agent 1.
+    /// Agent 0 is one episode ahead: its second return, 8, is that of the team after the second episode
+    /// of agent 1. The final return has the episodes that each agent has finished.
     #[test]
     fn a_team_return_waits_for_every_agent() {
         let mut measures = Measures::new(&spec(2), 2);
         let mut add_round = |episodes: &[Episode]| {
             measures.add_round(&spec(2), 0, &episodes.iter().collect::<Vec<_>>(), &[]);
-            (measures.episodes_per_agent(), measures.recent_return(1))
+            (measures.episodes_per_agent(), measures.final_return())
         };
-        assert_eq!(
-            add_round(&[episode(0, 0, &[2.0]), episode(0, 0, &[8.0])]),
-            (0, None)
-        );
-        assert_eq!(add_round(&[episode(1, 0, &[4.0])]), (1, Some(3.0)));
-        assert_eq!(add_round(&[episode(1, 0, &[0.0])]), (2, Some(4.0)));
+        let first = [episode(0, 0, &[2.0]), episode(0, 0, &[8.0])];
+        assert_eq!(add_round(&first), (0, None));
+        assert_eq!(add_round(&[episode(1, 0, &[4.0])]), (1, Some(4.5)));
+        assert_eq!(add_round(&[episode(1, 0, &[0.0])]), (2, Some(3.5)));
+    }
+
+    /// Agent 0 has 30 episodes with returns 0 to 29, agent 1 has 40 with returns 0 to 39. The last 25
+    /// are 5 to 29, of mean 17, and 15 to 39, of mean 27.
+    #[test]
+    fn the_final_return_has_the_last_episodes_of_each_agent() {
+        let mut measures = Measures::new(&spec(2), 2);
+        for number in 0..40_u8 {
+            let reward = [f32::from(number)];
+            let both = [
+                episode(0, number.into(), &reward),
+                episode(1, number.into(), &reward),
+            ];
+            let played = if number < 30 { &both[..] } else { &both[1..] };
+            measures.add_round(&spec(2), 0, &played.iter().collect::<Vec<_>>(), &[]);
+        }
+        assert_eq!(measures.final_return(), Some(22.0));
+        assert_eq!(measures.episodes_per_agent(), 30);
     }
 
     /// Agent 0 visits (0, 0) and agent 1 visits (1, 1): one of 400 cells each, two cells together.

@@ -104,6 +104,9 @@ impl LoadedRun {
         if !path.is_file() && folder.has_state_files() {
             return Self::of_state_files(folder);
         }
+        if !path.is_file() && !folder.has_run() {
+            return Err(no_run(path));
+        }
         let [episodes, rounds] = folder.table_files();
         let recording = if path.is_file() {
             Some(path.to_owned())
@@ -257,6 +260,30 @@ pub fn final_mean_of_learners(returns: &[Vec<f64>]) -> Option<f64> {
     let means: Option<Vec<f64>> = means.collect();
     let means = means.filter(|means| !means.is_empty())?;
     Some(means.iter().sum::<f64>() / means.len() as f64)
+}
+
+/// Returns of each agent, in the order of its episodes: `[K][episodes]`.
+#[must_use]
+pub fn returns_of_agents(episodes: &[EpisodeRow], agent_count: usize) -> Vec<Vec<f64>> {
+    let mut returns = vec![Vec::new(); agent_count];
+    for row in episodes {
+        if let Some(returns) = returns.get_mut(row.agent as usize) {
+            returns.push(row.r#return);
+        }
+    }
+    returns
+}
+
+/// Mean return over agents and over the last [`FINAL_WINDOW`] episodes of each agent of a run of
+/// seedbed. `None` before every agent has finished an episode.
+#[must_use]
+pub fn final_return(returns: &[Vec<f64>], team_returns: &[f64]) -> Option<f64> {
+    let mut counts = returns.iter().map(Vec::len);
+    if counts.all(|count| count == team_returns.len()) {
+        // The same mean, summed as in the summary.
+        return final_mean(team_returns);
+    }
+    final_mean_of_learners(returns)
 }
 
 /// The rows of a table; none if the run has no tables.

@@ -370,7 +370,7 @@ pub const NO_THRESHOLD: &str = "no threshold set (`reward_threshold` or `stop: S
 
 fn report(summary: &Summary, options: &Options) -> RunReport {
     let last = pluralize(FINAL_WINDOW.min(summary.episodes_per_agent), "episode");
-    let final_return = summary.final_return;
+    let final_return = summary.final_return.map_or("–".to_owned(), three_digits);
     let mut report = RunReport {
         episodes_per_agent: summary.episodes_per_agent,
         env_steps: summary.env_steps,
@@ -378,10 +378,7 @@ fn report(summary: &Summary, options: &Options) -> RunReport {
             ("solved", solved_text(summary)),
             (
                 "return",
-                format!(
-                    "{} (mean over all agents and the last {last})",
-                    three_digits(final_return)
-                ),
+                format!("{final_return} (mean over all agents and the last {last})"),
             ),
             ("coverage", coverage_text(summary)),
             ("results", options.folder.path().display().to_string()),

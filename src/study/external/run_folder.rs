@@ -12,7 +12,7 @@ use super::run_data::{self, AgentEpisodes, Limits};
 use super::source::SolvedAt;
 use super::{Problem, Settings};
 use crate::record::RoundRow;
-use crate::record::state_files::{EndedEpisode, Learners, StateFiles};
+use crate::record::state_files::{EndedEpisode, Learners, NotedEpisodes, StateFiles};
 use crate::record::table;
 use crate::run::checksums::Checksums;
 use crate::run::folder::RunFolder;
@@ -35,6 +35,8 @@ struct Episode {
     r#return: f64,
     /// Number of steps; 0 if it is unknown.
     length: u64,
+    /// Number of steps of the agent's environment up to the end of the episode, if it is known.
+    end_step: Option<u64>,
 }
 
 /// Reads the run in the directory `path`.
@@ -75,6 +77,9 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
             serde_json::from_slice(&file.bytes).map_err(|error| file.error(error.to_string()))?;
         threshold = threshold.or(threshold_of(&file, &summary)?);
         learners = learners_of(&file, summary, &episodes)?;
+        if learners.is_some() {
+            check_complete(&file, &episodes)?;
+        }
         files.push(file.hash);
     } else {
         if run_folder.has_state_files() {
@@ -120,6 +125,17 @@ fn learners_of(
     }
 }
 
+/// Compares the episodes of a recording with its summary.
+fn check_complete(summary: &DataFile, episodes: &[Episode]) -> Result<(), InputError> {
+    let noted: NotedEpisodes =
+        serde_json::from_slice(&summary.bytes).map_err(|error| summary.error(error.to_string()))?;
+    let found = episodes.iter().map(|row| (row.agent, row.length));
+    let difference = noted.difference(found);
+    difference.map_or(Ok(()), |difference| {
+        Err(summary.error(format!("episodes.csv: {difference}")))
+    })
+}
+
 fn read_episodes(file: &DataFile) -> Result<Vec<Episode>, InputError> {
     let mut rows = Rows::new(file, file.complete_lines().0, 0)?;
     let [agent, episode, round, env_steps, r#return] = [
@@ -129,7 +145,7 @@ fn read_episodes(file: &DataFile) -> Result<Vec<Episode>, InputError> {
         rows.column("env_steps")?,
         rows.column("return")?,
     ];
-    let length = rows.find("length")?;
+    let (length, end_step) = (rows.find("length")?, rows.find("end_step")?);
     let mut episodes: Vec<Episode> = Vec::new();
     let mut next_episodes: Vec<u64> = Vec::new();
     while rows.advance()? {
@@ -157,6 +173,7 @@ fn read_episodes(file: &DataFile) -> Result<Vec<Episode>, InputError> {
             env_steps: rows.count(env_steps)?,
             r#return: rows.number(r#return)?,
             length: length.map_or(Ok(0), |length| rows.count(length))?,
+            end_step: end_step.map(|column| rows.count(column)).transpose()?,
         };
         if let Some(earlier) = episodes.last() {
             let is_earlier = |now: u64, before: u64| now < before;
@@ -203,6 +220,7 @@ fn result_of_learners(
         agent: episode.agent,
         length: episode.length,
         r#return: episode.r#return,
+        end_step: episode.end_step,
     });
     for episodes in learners.episodes(ended) {
         let mut agent = AgentEpisodes::default();

@@ -24,6 +24,93 @@ fn runs_in(folder: &Path) {
     std::fs::write(damaged.join("summary.json"), "{").unwrap();
 }
 
+/// Tables and recordings that were exported into a folder of runs.
+#[test]
+fn files_beside_runs_do_not_hide_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().to_str().unwrap();
+    let first = folder.path().join("s0");
+    assert!(small_run(&first, &[]).status.success());
+    let list = || {
+        let printed = run_successful(&["runs", root, "--json"]);
+        let rows: serde_json::Value = serde_json::from_str(&printed).unwrap();
+        let rows = rows.as_array().unwrap().clone();
+        rows.iter()
+            .map(|row| row["path"].as_str().unwrap().to_owned())
+            .collect::<Vec<_>>()
+    };
+    let one = list();
+    for name in ["episodes.csv", "rounds.csv", "run.rrd"] {
+        std::fs::copy(first.join(name), folder.path().join(name)).unwrap();
+    }
+    assert_eq!(list(), one);
+    assert!(run_successful(&["inspect", root]).contains(first.to_str().unwrap()));
+    assert!(small_run(&folder.path().join("s1"), &[]).status.success());
+    assert_eq!(list().len(), 2);
+    let error = run_refused(&["inspect", root]);
+    assert!(error.contains("contains 2 runs"), "{error}");
+    // Without runs below, a recording alone is listed.
+    for name in ["s0", "s1"] {
+        std::fs::remove_dir_all(folder.path().join(name)).unwrap();
+    }
+    assert_eq!(list(), [root]);
+}
+
+/// Agents of an asynchronous run have different numbers of episodes: the last 25 of each count.
+#[test]
+fn the_final_return_is_that_of_the_last_episodes_of_each_agent() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let asynchronous = [
+        "--set",
+        "agents.count=3",
+        "--set",
+        "schedule=Asynchronous()",
+        "--set",
+        "stop=Steps(team: 3000, at_most: 500)",
+    ];
+    assert!(small_run(&run, &asynchronous).status.success());
+    let mut returns: Vec<Vec<f64>> = vec![Vec::new(); 3];
+    for line in std::fs::read_to_string(run.join("episodes.csv"))
+        .unwrap()
+        .lines()
+        .skip(1)
+    {
+        let cells: Vec<&str> = line.split(',').collect();
+        returns[cells[0].parse::<usize>().unwrap()].push(cells[4].parse().unwrap());
+    }
+    let counts: Vec<usize> = returns.iter().map(Vec::len).collect();
+    let (least, most) = (*counts.iter().min().unwrap(), *counts.iter().max().unwrap());
+    assert!(25 < least && least < most, "{counts:?}");
+    let last_mean = |returns: &Vec<f64>| returns[returns.len() - 25..].iter().sum::<f64>() / 25.0;
+    let expected = returns.iter().map(last_mean).sum::<f64>() / 3.0;
+    let path = run.to_str().unwrap();
+    let json = |arguments: &[&str]| -> serde_json::Value {
+        serde_json::from_str(&run_successful(arguments)).unwrap()
+    };
+    let inspected = json(&["inspect", path, "--json"]);
+    let summary = std::fs::read_to_string(run.join("summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    std::fs::remove_file(run.join("summary.json")).unwrap();
+    let unfinished = json(&["runs", path, "--json"]);
+    for found in [&inspected, &summary, &unfinished[0]] {
+        let found = found["final_return"].as_f64().unwrap();
+        assert!(
+            (found - expected).abs() < 1e-9,
+            "{found}, expected {expected}"
+        );
+    }
+    let text = run_successful(&["inspect", path]);
+    assert!(
+        text.contains(&format!("{least} to {most} episodes each")),
+        "{text}"
+    );
+    assert!(
+        text.contains("mean of each agent's last 25 episodes"),
+        "{text}"
+    );
+}
+
 #[test]
 fn runs_are_listed_filtered_and_sorted() {
     let folder = tempfile::tempdir().unwrap();

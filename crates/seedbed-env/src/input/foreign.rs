@@ -315,11 +315,18 @@ fn number(token: Token<'_>) -> Option<String> {
     is_written_otherwise.then(|| "write `None`".to_owned())
 }
 
-/// The place where a comma is missing, if a field or value follows.
+/// The place where a comma is missing, if a field or value follows. Parentheses after a name that has no
+/// fields are too many.
 fn missing_comma(text: &str, before: Token<'_>, found: Token<'_>) -> Option<String> {
     let follows = found.is_word() || found.is_number() || found.text.starts_with(['(', '[', '"']);
     if before.text == "," || before.text.contains('\n') {
         return None;
+    }
+    if before.is_word() && found.text == "(" {
+        return Some(format!(
+            "write `{}` without parentheses",
+            shown(before.text)
+        ));
     }
     let place = place(text, before.start);
     follows.then(|| {

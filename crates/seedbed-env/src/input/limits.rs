@@ -56,6 +56,10 @@ pub const MAX_RECORDED_NAME_BYTES: usize = 1000;
 /// Maximum number of agents in files that other programs record.
 pub const MAX_RECORDED_AGENTS: u32 = 1 << 16;
 
+/// From this number of an agent on, at least a quarter of the numbers must be in use in files that other
+/// programs record: each number takes memory, also without a file.
+pub const MAX_SPARSE_AGENTS: u32 = 1024;
+
 /// Maximum number of agents in results of others. Each takes memory even without an episode.
 pub const MAX_AGENTS_OF_OTHERS: u64 = 1_000_000;
 

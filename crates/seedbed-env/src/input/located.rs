@@ -106,6 +106,12 @@ impl<T> Located<T> {
         }
     }
 
+    /// Whether the value is in a file. A default value has no place.
+    #[must_use]
+    pub fn has_place(&self) -> bool {
+        self.ordinal.is_some()
+    }
+
     /// The value itself.
     #[must_use]
     pub fn value(&self) -> &T {

@@ -205,6 +205,12 @@ impl Bonus {
         self.has_shared_model() && matches!(self, Self::Rnd(_) | Self::TeamEntropy(_))
     }
 
+    /// Whether the bonus is the distance to states that the team visited.
+    #[must_use]
+    pub fn is_team_entropy(&self) -> bool {
+        matches!(self, Self::TeamEntropy(_))
+    }
+
     /// Whether each agent has a model that learns from its own experience only.
     #[must_use]
     pub fn has_independent_models(&self) -> bool {

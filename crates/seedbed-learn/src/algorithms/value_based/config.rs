@@ -151,7 +151,7 @@ pub struct Learning {
     /// Whether the observations are appended to the inputs of the output layer.
     pub skip_connection: bool,
     /// Maximal number of the team's transitions in the replay buffer.
-    pub replay: Count<100_000_000>,
+    pub replay: Located<Count<100_000_000>>,
     /// Number of transitions per gradient step.
     pub minibatch: Located<Count<100_000>>,
     /// Number of gradient steps of each model each time it learns.
@@ -348,11 +348,13 @@ fn check_parameters(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), V
             .error("has no layer; expected at least one, such as `hidden: [50, 50]`"));
     }
     if learning.minibatch.get() > learning.replay.get() {
-        let message = format!(
-            "is larger than `replay`, which is {0}, so nothing would be learned; expected at most {0}",
-            learning.replay.get()
-        );
-        return Err(learning.minibatch.error(message));
+        return Err(small_replay(learning));
+    }
+    if bonus.is_team_entropy() && !bonus.has_shared_model() {
+        return Err(bonus.error(
+            "value-based learners share all transitions, and `TeamEntropy` has no model that could be frozen; expected \
+             `model: Shared`",
+        ));
     }
     Bonus::check(bonus)?;
     if bonus.has_independent_models() {
@@ -361,6 +363,20 @@ fn check_parameters(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), V
         ));
     }
     Ok(())
+}
+
+/// The error that no minibatch fits in the replay buffer, at the one of both that is in the file.
+fn small_replay(learning: &Learning) -> ValidationError {
+    let [minibatch, replay] = [learning.minibatch.get(), learning.replay.get()];
+    if learning.minibatch.has_place() {
+        return learning.minibatch.error(format!(
+            "is larger than `replay`, which is {replay}, so nothing would be learned; expected at most {replay}"
+        ));
+    }
+    learning.replay.error(format!(
+        "is smaller than `minibatch`, which is {minibatch} by default, so nothing would be learned; expected at least \
+         {minibatch}"
+    ))
 }
 
 impl ValueBased for QLearning {
@@ -545,7 +561,7 @@ impl Default for Learning {
             observations: ObservationScaling::Range,
             hidden: vec![ranged_count(50); 2].into(),
             skip_connection: false,
-            replay: ranged_count(1_000_000),
+            replay: ranged_count(1_000_000).into(),
             minibatch: ranged_count(16).into(),
             minibatches: ranged_count(1),
             target_every: ranged_count(100),
