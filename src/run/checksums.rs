@@ -191,7 +191,7 @@ impl Checksums {
             .try_for_each(|path| self.verify_listed(&path).map(drop))
     }
 
-    /// Checks that a file exists if it is listed.
+    /// Checks that a file exists if it is listed: without it, the run would be taken for another one.
     ///
     /// # Errors
     /// It is missing.

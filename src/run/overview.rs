@@ -204,6 +204,8 @@ fn unfinished_results(folder: &RunFolder) -> Result<Results, String> {
     results.seed = Some(scenario.seed);
     results.agents = Some(u64::from(scenario.agents.count.get()));
     let [episodes, _] = folder.table_files();
+    let present = checksums.check_presence(&episodes);
+    present.map_err(|error| error.to_string())?;
     if episodes.is_file() {
         let verified = checksums.verify(&episodes);
         verified.map_err(|error| error.to_string())?;

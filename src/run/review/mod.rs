@@ -113,6 +113,12 @@ impl LoadedRun {
             None
         };
         let checksums = Checksums::read(&folder)?;
+        if !path.is_file() {
+            let files = [&episodes, &rounds, &folder.summary_file()];
+            files
+                .into_iter()
+                .try_for_each(|file| checksums.check_presence(file))?;
+        }
         let recording = recording
             .map(|path| {
                 checksums.verify(&path)?;
