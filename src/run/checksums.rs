@@ -208,6 +208,19 @@ impl Checksums {
         })
     }
 
+    /// That a file of a finished run is not listed, so that it may be damaged, for people.
+    #[must_use]
+    pub fn unlisted_warning(&self, path: &Path) -> Option<String> {
+        let sums = self.sums.as_ref()?;
+        let is_finished = sums.contains_key("summary.json");
+        (is_finished && !sums.contains_key(&name_in(&self.folder, path))).then(|| {
+            format!(
+                "{} is not in {FILE_NAME} of its run: it cannot be verified",
+                path.display()
+            )
+        })
+    }
+
     fn changed_reason(&self) -> String {
         format!(
             "is damaged, or was changed after the run wrote it: its SHA-256 is not that in {0}; to use it as it is, \

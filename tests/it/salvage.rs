@@ -100,6 +100,11 @@ fn a_changed_recording_is_not_certified() {
             "{printed}"
         );
         assert!(!to.join("run.rrd").exists());
+        if to.join("run.rrd.part").exists() {
+            let inspected = seedbed(&["inspect", to.to_str().unwrap()]);
+            let warning = "run.rrd.part is not in SHA256SUMS of its run: it cannot be verified";
+            assert!(stderr(&inspected).contains(warning), "{inspected:?}");
+        }
         let sums = fs::read_to_string(to.join("SHA256SUMS")).unwrap();
         assert!(
             !sums.contains("run.rrd") && sums.contains("episodes.csv"),

@@ -119,6 +119,9 @@ impl LoadedRun {
                 .into_iter()
                 .try_for_each(|file| checksums.check_presence(file))?;
         }
+        let unlisted = recording
+            .as_ref()
+            .and_then(|path| checksums.unlisted_warning(path));
         let recording = recording
             .map(|path| {
                 checksums.verify(&path)?;
@@ -135,6 +138,7 @@ impl LoadedRun {
             None
         };
         let mut warnings = warnings(recording.as_ref(), &checksums);
+        warnings.extend(unlisted);
         warnings.extend(
             summary
                 .as_ref()
