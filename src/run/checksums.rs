@@ -360,6 +360,19 @@ mod tests {
     }
 
     #[test]
+    fn files_that_are_listed_must_exist() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = folder_with_checksums(folder.path());
+        for path in [run.summary_file(), folder.path().join("episodes.csv")] {
+            fs::remove_file(&path).unwrap();
+            let error = Checksums::read(&run).unwrap().check_presence(&path);
+            assert_eq!(error.unwrap_err().path, path);
+        }
+        let unlisted = Checksums::read(&run).unwrap();
+        unlisted.check_presence(&run.recording_file()).unwrap();
+    }
+
+    #[test]
     fn files_that_are_not_listed_are_accepted() {
         let folder = tempfile::tempdir().unwrap();
         let run = folder_with_checksums(folder.path());
