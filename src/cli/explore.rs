@@ -52,7 +52,7 @@ pub(super) fn explore(args: &ExploreArgs) -> Result<(), CliError> {
     drop(counter);
     let page = explorer.page();
     files::remove_abandoned_of(&out);
-    files::replace(&out, page.as_bytes())
+    files::write_to(&out, page.as_bytes())
         .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", out.display())))?;
     say!(
         "wrote {}: {}",

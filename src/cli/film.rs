@@ -89,7 +89,7 @@ pub(super) fn write(film: &Film, settings: FilmSettings, out: &Path) -> Result<(
 
 fn write_frames(film: &Film, settings: FilmSettings, out: &Path) -> io::Result<()> {
     files::remove_abandoned_of(out);
-    let replacement = Replacement::begin(out)?;
+    let replacement = Replacement::begin_any(out)?;
     let size = |side: f64| side.round() as u16;
     let height = film.frame(0).height();
     let file = BufWriter::new(replacement.file()?);

@@ -717,9 +717,10 @@ impl From<LiveError> for CliError {
 impl From<RunError> for CliError {
     fn from(error: RunError) -> Self {
         match error {
-            RunError::Input(_) | RunError::Damaged(_) | RunError::CannotResume(_) => {
-                Self::Usage(error.to_string())
-            }
+            RunError::Input(_)
+            | RunError::Damaged(_)
+            | RunError::UnusableCheckpoint(_)
+            | RunError::CannotResume(_) => Self::Usage(error.to_string()),
             RunError::Record(_)
             | RunError::Checkpoint(_)
             | RunError::File { .. }

@@ -34,12 +34,13 @@ fn publish(folder: &StudyFolder, parent: &Path) -> Result<(), CliError> {
         return Err(CliError::Usage(message));
     }
     let results = read(folder)?;
-    let missing = completeness::missing_runs(&results);
+    refuse_if_broken(&results)?;
+    let [_, _, missing] = results.run_counts();
     if missing > 0 {
         return Err(CliError::Usage(format!(
             "{}: {}; only complete results are published: run the study first",
             folder.path().display(),
-            completeness::missing_sentence(&results, missing)
+            completeness::missing_sentence(&results)
         )));
     }
     let claim_results = claims::evaluate(&results);
@@ -121,12 +122,12 @@ fn print_results(results: &Results, claim_results: &[ClaimResult]) {
 
 fn refuse_if_broken(results: &Results) -> Result<(), CliError> {
     let audit = results.audit.as_ref();
-    if audit.is_some_and(|audit| !audit.broken.is_empty()) {
-        return Err(CliError::Runtime(
-            "these results do not confirm what was registered; the report says why".to_owned(),
-        ));
-    }
-    Ok(())
+    let broken = audit.and_then(|audit| audit.broken.first());
+    broken.map_or(Ok(()), |sentence| {
+        Err(CliError::Runtime(format!(
+            "these results do not confirm what was registered: {sentence}"
+        )))
+    })
 }
 
 /// Whether all confirmatory claims of a study have a verdict.

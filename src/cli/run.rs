@@ -308,7 +308,9 @@ fn prepare_output_folder(args: &RunArgs, folder: &RunFolder) -> Result<FileLock,
         "another --seed or --out"
     };
     let contents = folder.contents();
-    if let Some(refusal) = refusal(args, contents, &path.to_string(), elsewhere) {
+    // A run that has just begun has no checkpoint yet.
+    let has_begun = contents == Contents::RunWithoutCheckpoint && matches!(folder.lock(), Ok(None));
+    if !has_begun && let Some(refusal) = refusal(args, contents, &path.to_string(), elsewhere) {
         return Err(CliError::Usage(refusal));
     }
     let write_error =

@@ -13,7 +13,8 @@ use seedbed::study::salvage::{self, Fate, SalvagedFile};
   seedbed salvage states/agent_0.states --out whole.states
 
 Of files of visited states the whole episodes are kept, of recordings everything before the first damage, of studies \
-the runs whose results are whole; all other files only if their checksums are right. What is lost is printed. \
+the runs whose results are whole; all other files only if their checksums are right. If a list of checksums is damaged \
+itself, or a recording has no damage that can be found, they are kept, too, but not verified. What is lost or not verified is printed. \
 `seedbed study` repeats the runs that a study has lost, and `seedbed run` makes a run again from its scenario.")]
 pub(super) struct SalvageArgs {
     /// Recording, file of visited states, directory of a run, or directory of a study
@@ -40,12 +41,18 @@ pub(super) fn salvage(args: &SalvageArgs) -> Result<(), CliError> {
     }
     let kept = count(|fate| *fate == Fate::Kept);
     let cut = count(|fate| matches!(fate, Fate::Cut(_)));
+    let unverified = count(|fate| matches!(fate, Fate::Unverified(_)));
     let lost = count(|fate| matches!(fate, Fate::Lost(_)));
+    let more = if unverified > 0 {
+        format!(", {unverified} not verified")
+    } else {
+        String::new()
+    };
     say!(
-        "salvaged   {} whole, {cut} in part, {lost} lost",
+        "salvaged   {} whole, {cut} in part, {lost} lost{more}",
         pluralize(kept, "file")
     );
-    if kept + cut == 0 {
+    if kept + cut + unverified == 0 {
         let message = format!("nothing in {} is whole", from.display());
         return Err(CliError::Usage(message));
     }
@@ -57,6 +64,7 @@ fn print(file: &SalvagedFile) {
     match &file.fate {
         Fate::Kept => {}
         Fate::Cut(what) => say!("in part    {}: {what}", file.path.display()),
+        Fate::Unverified(why) => say!("unverified {}: {why}", file.path.display()),
         Fate::Lost(why) => say!("lost       {}: {why}", file.path.display()),
     }
 }

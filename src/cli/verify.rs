@@ -11,10 +11,12 @@ use super::interruption::StopRequests;
 use super::progress::StudyProgress;
 use super::study::check_same_study;
 use super::{CliError, StudyArgs, pluralize, report};
+use seedbed::study::agreement;
 use seedbed::study::completeness;
 use seedbed::study::draw::Draw;
 use seedbed::study::plan::{PlannedRun, StudyPlan};
 use seedbed::study::published::{self, PublishedRuns};
+use seedbed::study::results::Results;
 use seedbed::study::runner;
 use seedbed::study::store::StudyFolder;
 
@@ -57,8 +59,11 @@ impl Amount {
 }
 
 /// Repeats some of the stored runs and compares the results; if there are none in `folder`, some of
-/// those that are published beside the study. Returns the number of runs whose result differs or is
-/// missing.
+/// those that are published beside the study. Returns the number of runs whose result differs, is
+/// missing or cannot be compared.
+///
+/// # Errors
+/// If the results are not those of the study or of its lock, or cannot be read.
 pub(super) fn verify(
     args: &StudyArgs,
     plan: &StudyPlan,
@@ -70,11 +75,69 @@ pub(super) fn verify(
         None => published::stored_or_beside(&plan.path, folder.clone()),
     };
     check_same_study(plan, folder)?;
-    if published::is_published(folder) {
-        verify_published(args, plan, folder, amount)
+    let results = read_results(plan, folder)?;
+    let not_comparable = print_missing(&results) + print_without_source(plan, &results);
+    let differing = if published::is_published(folder) {
+        verify_published(args, plan, folder, results, amount)
     } else {
         verify_stored(args, plan, folder, amount)
+    };
+    Ok(differing? + not_comparable)
+}
+
+/// The results of a study.
+///
+/// # Errors
+/// If there are none, if one is damaged, or if they are described otherwise than the study and its lock
+/// say.
+fn read_results(plan: &StudyPlan, folder: &StudyFolder) -> Result<Results, CliError> {
+    if !folder.has_manifest() {
+        return Err(no_runs(folder));
     }
+    let runs = plan.distinct_runs();
+    if let Some(path) = runs.iter().find_map(|run| damaged_file(run, folder)) {
+        return Err(CliError::Usage(damage_message(&path)));
+    }
+    let results = report::read(folder)?;
+    let differences = agreement::differences(plan, &results);
+    if differences.is_empty() {
+        return Ok(results);
+    }
+    Err(CliError::Runtime(format!(
+        "{}: these are not the results of {}: {}",
+        folder.path().join("study.json").display(),
+        plan.path.display(),
+        differences.join("; ")
+    )))
+}
+
+fn no_runs(folder: &StudyFolder) -> CliError {
+    CliError::Usage(format!(
+        "{} contains no runs of this study to verify",
+        folder.path().display()
+    ))
+}
+
+/// Prints how many runs are missing: without them, others are not verified. Returns their number.
+fn print_missing(results: &Results) -> usize {
+    let [_, _, missing] = results.run_counts();
+    if missing > 0 {
+        note!("missing    {}", completeness::missing_sentence(results));
+    }
+    missing
+}
+
+/// Prints which runs cannot be made again. Returns their number.
+fn print_without_source(plan: &StudyPlan, results: &Results) -> usize {
+    let mut total = 0;
+    for (cell, runs) in agreement::runs_without_source(plan, results) {
+        note!(
+            "missing    the files of {} of cell `{cell}`, with which its results would be compared",
+            pluralize(runs, "run")
+        );
+        total += runs;
+    }
+    total
 }
 
 fn verify_stored(
@@ -83,13 +146,8 @@ fn verify_stored(
     folder: &StudyFolder,
     amount: Amount,
 ) -> Result<usize, CliError> {
-    let runs = plan.distinct_runs();
-    if let Some(path) = runs.iter().find_map(|run| damaged_file(run, folder)) {
-        return Err(CliError::Usage(damage_message(&path)));
-    }
     let is_stored = |run: &PlannedRun<'_>| folder.stored_run(run).is_some();
-    let chosen = choose(args, runs, is_stored, amount, folder)?;
-    let missing = missing_runs(folder)?;
+    let chosen = choose(args, plan.distinct_runs(), is_stored, amount, folder)?;
     let differing = repeat(plan, &chosen.runs, &|runs, stop, on_verified| {
         runner::verify(runs, folder, jobs(&args.execution), stop, on_verified);
     })?;
@@ -102,38 +160,25 @@ fn verify_stored(
             folder.runs_folder().display()
         );
     }
-    Ok(differing.len() + missing)
+    Ok(differing.len())
 }
 
 fn verify_published(
     args: &StudyArgs,
     plan: &StudyPlan,
     folder: &StudyFolder,
+    results: Results,
     amount: Amount,
 ) -> Result<usize, CliError> {
-    let published = PublishedRuns::read(folder);
+    let published = PublishedRuns::read(folder, results, plan);
     let published = published.map_err(|error| CliError::Usage(error.to_string()))?;
     let is_published = |run: &PlannedRun<'_>| published.contains(run);
     let chosen = choose(args, plan.distinct_runs(), is_published, amount, folder)?;
-    let missing = missing_runs(folder)?;
     let differing = repeat(plan, &chosen.runs, &|runs, stop, on_verified| {
         runner::verify_published(runs, &published, jobs(&args.execution), stop, on_verified);
     })?;
     chosen.print(plan, "published", &differing, |_| folder.path().to_owned());
-    Ok(differing.len() + missing)
-}
-
-/// Number of runs whose results are missing, which is printed: without them, others are not verified.
-fn missing_runs(folder: &StudyFolder) -> Result<usize, CliError> {
-    let results = report::read(folder)?;
-    let missing = completeness::missing_runs(&results);
-    if missing > 0 {
-        note!(
-            "missing    {}",
-            completeness::missing_sentence(&results, missing)
-        );
-    }
-    Ok(missing)
+    Ok(differing.len())
 }
 
 /// The runs that are repeated, of all that are there.
@@ -163,10 +208,7 @@ fn choose<'a>(
 ) -> Result<Chosen<'a>, CliError> {
     let there: Vec<PlannedRun<'a>> = runs.into_iter().filter(|run| is_there(run)).collect();
     if there.is_empty() {
-        return Err(CliError::Usage(format!(
-            "{} contains no runs of this study to verify",
-            folder.path().display()
-        )));
+        return Err(no_runs(folder));
     }
     let draw = draw(args)?;
     let chosen = Chosen {

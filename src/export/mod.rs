@@ -20,6 +20,7 @@ use crate::record::state_files::StateFiles;
 use crate::record::table::TableError;
 use crate::record::{ReadError, RecordError};
 use crate::run::files::{self, Replacement};
+use crate::run::folder::RunFolder;
 use crate::run::review::LoadedRun;
 
 /// What is exported.
@@ -125,7 +126,7 @@ pub fn export(
         error,
     };
     files::remove_abandoned_of(path);
-    let replacement = Replacement::begin(path).map_err(write_error)?;
+    let replacement = Replacement::begin_any(path).map_err(write_error)?;
     let file = replacement.file().map_err(write_error)?;
     let mut writer = format.writer(BufWriter::new(file));
     let mut rows = 0;
@@ -162,13 +163,23 @@ fn write_content(
         }
         (_, Some(files)) => write(table_of_rounds(files, content, on_episode)?),
         (Content::Episodes, None) => {
-            let file = table_file(0).ok_or_else(|| missing("episodes.csv", "episodes"))?;
+            let file = table_file(0).ok_or_else(|| missing(missing_table(run), "episodes"))?;
             write(table::read_csv(&file)?)
         }
         (Content::Rounds, None) => {
-            let file = table_file(1).ok_or_else(|| missing("rounds.csv", "rounds"))?;
+            let file = table_file(1).ok_or_else(|| missing(missing_table(run), "rounds"))?;
             write(table::read_csv(&file)?)
         }
+    }
+}
+
+/// Name of the first table that a run lacks, without which the other is not read.
+fn missing_table(run: &LoadedRun) -> &'static str {
+    let [episodes, _] = RunFolder::new(&run.path).table_files();
+    if episodes.is_file() {
+        "rounds.csv"
+    } else {
+        "episodes.csv"
     }
 }
 

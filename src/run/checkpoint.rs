@@ -288,6 +288,26 @@ pub(super) fn remove_abandoned(folder: &Path) {
     files::remove_abandoned(&checkpoint_folder(folder), |_| true);
 }
 
+/// Whether a path is that of a run's checkpoint or of the one before it.
+#[must_use]
+pub fn is_checkpoint(path: &Path) -> bool {
+    let run = path.parent().and_then(Path::parent);
+    run.is_some_and(|run| {
+        [file(run), previous_file(run)]
+            .iter()
+            .any(|name| name == path)
+    })
+}
+
+/// Why the bytes of a checkpoint are damaged; `None` if they are not, also in another version.
+#[must_use]
+pub fn damage(bytes: &[u8]) -> Option<String> {
+    match sealed::unseal(FORMAT, bytes) {
+        Ok(_) | Err(SealError::OtherVersion { .. }) => None,
+        Err(error) => Some(error.to_string()),
+    }
+}
+
 /// The path of the checkpoint before the newest.
 fn previous_file(folder: &Path) -> PathBuf {
     checkpoint_folder(folder).join("previous.bin")

@@ -191,7 +191,7 @@ impl Checksums {
             .try_for_each(|path| self.verify_listed(&path).map(drop))
     }
 
-    /// Checks that a file exists if it is listed.
+    /// Checks that a file exists if it is listed: without it, the run would be taken for another one.
     ///
     /// # Errors
     /// It is missing.
@@ -205,6 +205,19 @@ impl Checksums {
         Err(DamagedFile {
             path: path.to_owned(),
             reason: format!("no such file, although {} lists it", list.display()),
+        })
+    }
+
+    /// That a file of a finished run is not listed, so that it may be damaged, for people.
+    #[must_use]
+    pub fn unlisted_warning(&self, path: &Path) -> Option<String> {
+        let sums = self.sums.as_ref()?;
+        let is_finished = sums.contains_key("summary.json");
+        (is_finished && !sums.contains_key(&name_in(&self.folder, path))).then(|| {
+            format!(
+                "{} is not in {FILE_NAME} of its run: it cannot be verified",
+                path.display()
+            )
         })
     }
 
@@ -344,6 +357,19 @@ mod tests {
             let error = Checksums::read(&run).unwrap_err();
             assert_eq!(error.path, run.checksums_file(), "bit {bit}");
         }
+    }
+
+    #[test]
+    fn files_that_are_listed_must_exist() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = folder_with_checksums(folder.path());
+        for path in [run.summary_file(), folder.path().join("episodes.csv")] {
+            fs::remove_file(&path).unwrap();
+            let error = Checksums::read(&run).unwrap().check_presence(&path);
+            assert_eq!(error.unwrap_err().path, path);
+        }
+        let unlisted = Checksums::read(&run).unwrap();
+        unlisted.check_presence(&run.recording_file()).unwrap();
     }
 
     #[test]

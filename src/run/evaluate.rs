@@ -63,7 +63,9 @@ pub(super) fn load_trained(
             .into();
     }
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1)?;
-    Checkpoint::read(folder.path())?.restore_to_act(folder.path(), &mut trainer)?;
+    let checkpoint = Checkpoint::read(folder.path());
+    let restored = checkpoint.and_then(|read| read.restore_to_act(folder.path(), &mut trainer));
+    restored.map_err(RunError::UnusableCheckpoint)?;
     Ok((plan, trainer))
 }
 

@@ -7,16 +7,25 @@ use std::fs::{self, File};
 use std::io::{ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
 
+use seedbed_env::input::limits::check_is_regular;
 use tempfile::{NamedTempFile, TempPath};
 
-/// Replaces the file at `path`; see [`Replacement`].
+/// Replaces the file at `path`, which others read as a regular file; see [`Replacement`].
+///
+/// # Errors
+/// There is a folder, a pipe, a socket or a device, or the operating system reports an error; then the old
+/// file is kept.
+pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
+    Replacement::begin(path)?.write(bytes)
+}
+
+/// Replaces the file at `path`, or writes to a device or a pipe, for users who chose it; see
+/// [`Replacement`].
 ///
 /// # Errors
 /// The operating system reports an error; then the old file is kept.
-pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
-    let replacement = Replacement::begin(path)?;
-    replacement.file()?.write_all(bytes)?;
-    replacement.commit()
+pub fn write_to(path: &Path, bytes: &[u8]) -> Result<()> {
+    Replacement::begin_any(path)?.write(bytes)
 }
 
 /// The new content of a file, which replaces the old one when it is complete. Without a
@@ -37,11 +46,20 @@ enum NewContent {
 
 impl Replacement {
     /// Prepares new content for the file at `path`, and creates its folder if necessary. If `path` is
-    /// a symbolic link, the file to which it points is replaced. A device or a pipe is written to.
+    /// a symbolic link, the file to which it points is replaced.
+    ///
+    /// # Errors
+    /// There is a folder, a pipe, a socket or a device, or the operating system reports an error.
+    pub fn begin(path: &Path) -> Result<Self> {
+        fs::metadata(path).map_or(Ok(()), |metadata| check_is_regular(&metadata))?;
+        Self::begin_any(path)
+    }
+
+    /// Like [`begin`](Self::begin), but a device or a pipe is written to.
     ///
     /// # Errors
     /// The operating system reports an error.
-    pub fn begin(path: &Path) -> Result<Self> {
+    pub fn begin_any(path: &Path) -> Result<Self> {
         let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let is_special = target.metadata().is_ok_and(|metadata| !metadata.is_file());
         let new_content = if is_special {
@@ -53,6 +71,12 @@ impl Replacement {
             target,
             new_content,
         })
+    }
+
+    /// Writes the whole new content, and replaces the old one.
+    fn write(self, bytes: &[u8]) -> Result<()> {
+        self.file()?.write_all(bytes)?;
+        self.commit()
     }
 
     /// The file to which the new content is written.
@@ -98,11 +122,12 @@ pub fn keep_as(path: &Path, second_name: &Path) -> Result<()> {
     rename(link, second_name)
 }
 
-/// Gives a temporary file its final name. By the standard library, whose calls a test can let fail;
+/// Gives a temporary file its final name. If both are names of one file already, the operating system keeps
+/// both, and the temporary one is removed. By the standard library, whose calls a test can let fail;
 /// those of `tempfile` circumvent the C library.
 fn rename(mut path: TempPath, target: &Path) -> Result<()> {
     fs::rename(&path, target)?;
-    path.disable_cleanup(true);
+    path.disable_cleanup(!path.exists());
     Ok(())
 }
 
@@ -256,8 +281,24 @@ mod tests {
         assert!(link.symlink_metadata().unwrap().is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"new");
         assert_eq!(file.metadata().unwrap().mode() & 0o400, 0o400);
-        replace(Path::new("/dev/null"), b"nothing").unwrap();
+        write_to(Path::new("/dev/null"), b"nothing").unwrap();
         assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
+    }
+
+    /// Nobody reads such a pipe: to open it would wait for ever. What is written to a device is lost.
+    #[cfg(unix)]
+    #[test]
+    fn pipes_and_devices_in_place_of_own_files_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let [pipe, link] = ["pipe", "link"].map(|name| folder.path().join(name));
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.unwrap().success());
+        std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+        for path in [&pipe, &link] {
+            let error = replace(path, b"new").unwrap_err().to_string();
+            assert!(error.starts_with("expected a regular file"), "{error}");
+        }
+        assert_eq!(names_in(folder.path()), ["link", "pipe"]);
     }
 
     /// Many threads replace the same file while its folder does not exist yet.
@@ -320,5 +361,10 @@ mod tests {
         }
         assert_eq!(fs::read_to_string(&kept).unwrap(), "2");
         assert_eq!(names_in(folder.path()), ["file.txt", "kept.txt"]);
+        // As after a crash between the two: both are names of one file, of which `rename` keeps both.
+        for _ in 0..2 {
+            keep_as(&file, &kept).unwrap();
+            assert_eq!(names_in(folder.path()), ["file.txt", "kept.txt"]);
+        }
     }
 }

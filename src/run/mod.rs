@@ -155,9 +155,12 @@ pub enum RunError {
     /// A recording or table could not be written.
     #[error(transparent)]
     Record(#[from] RecordError),
-    /// A checkpoint could not be written or read.
+    /// A checkpoint could not be written.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
+    /// The checkpoint from which a run is continued is missing, damaged, or of another run or version.
+    #[error(transparent)]
+    UnusableCheckpoint(CheckpointError),
     /// Another file of the run could not be written.
     #[error("cannot write {path}: {error}")]
     File {
@@ -358,7 +361,9 @@ fn begin_to_follow(plan: &Plan, options: &Options) -> Result<Trainer, RunError> 
     let mut trainer = build_trainer(plan, options)?;
     if options.resume {
         let folder = options.folder.path();
-        Checkpoint::read(folder)?.restore(folder, &mut trainer)?;
+        let checkpoint = Checkpoint::read(folder);
+        let restored = checkpoint.and_then(|read| read.restore(folder, &mut trainer));
+        restored.map_err(RunError::UnusableCheckpoint)?;
     }
     Ok(trainer)
 }
@@ -423,13 +428,18 @@ fn resume_run(
     let folder = &options.folder;
     Checksums::read(folder)?.verify_scenario()?;
     check_same_run(plan, options)?;
-    let checkpoint = Checkpoint::read(folder.path())?;
-    let checkpoints = checkpoint.restore(folder.path(), trainer)?;
+    let checkpoint = Checkpoint::read(folder.path()).map_err(RunError::UnusableCheckpoint)?;
+    let checkpoints = checkpoint
+        .restore(folder.path(), trainer)
+        .map_err(RunError::UnusableCheckpoint)?;
     let states = &checkpoint.recorders;
     if states.is_empty() {
         let reason = "it has the states of no recorders".to_owned();
         let path = checkpoint::file(folder.path());
-        return Err(CheckpointError { path, reason }.into());
+        return Err(RunError::UnusableCheckpoint(CheckpointError {
+            path,
+            reason,
+        }));
     }
     check_max_episodes(plan, options, trainer)?;
     write_scenario(plan, folder)?;

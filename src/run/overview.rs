@@ -220,6 +220,8 @@ fn unfinished_results(folder: &RunFolder) -> Result<Results, String> {
     if folder.scenario_file().is_file() {
         add_scenario(&mut results, folder, &checksums)?;
     }
+    let present = checksums.check_presence(&episodes);
+    present.map_err(|error| error.to_string())?;
     if episodes.is_file() {
         let verified = checksums.verify(&episodes);
         verified.map_err(|error| error.to_string())?;

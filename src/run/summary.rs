@@ -119,10 +119,12 @@ pub(super) fn read_verified<T: DeserializeOwned>(
     folder: &RunFolder,
 ) -> Result<Option<T>, DamagedFile> {
     let path = folder.summary_file();
+    let checksums = Checksums::read(folder)?;
+    checksums.check_presence(&path)?;
     if !path.is_file() {
         return Ok(None);
     }
-    Checksums::read(folder)?.verify(&path)?;
+    checksums.verify(&path)?;
     let bytes = read_bytes(&path, MAX_SMALL_FILE_BYTES).map_err(|error| error.to_string());
     let read =
         bytes.and_then(|bytes| serde_json::from_slice(&bytes).map_err(|error| error.to_string()));

@@ -9,9 +9,10 @@
 //! of exploration, and the [`report`] presents them. The unit of all
 //! statistics is a run of the whole team: agents and episodes of one run depend on each other, so
 //! they are not independent repetitions. A [`bench`](mod@bench) compares a few scenarios without a
-//! study file. [`registration`] fixes a study before its runs, and [`power`] says how many runs it
+//! study file. [`registration`] fixes a study before its runs, [`agreement`] says whether results are those of a study, and [`power`] says how many runs it
 //! needs. [`tuning`] searches for parameters with runs of such plans. This module must not depend on how agents learn.
 
+pub mod agreement;
 pub mod bench;
 pub mod claims;
 pub mod comparison;

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use super::comparison::RunScore;
+use super::completeness;
 use super::cost::RunCost;
 use super::external::Unknown;
 use super::figure::{EpisodeWindow, Figure};
@@ -52,7 +53,7 @@ pub struct CellResults {
     scores: Vec<(Measure, Vec<RunScore>)>,
     /// Run seeds of failed runs, and the reasons why they failed.
     pub failures: Vec<(u64, String)>,
-    /// Number of runs that are missing.
+    /// Number of runs that are missing, up to the look at which the study could end.
     pub missing: usize,
 }
 
@@ -113,6 +114,12 @@ impl Results {
             results.read_runs(folder)?;
         }
         results.audit = Audit::of(&results, folder);
+        if completeness::count_next_look(&mut results) {
+            results.audit = Audit::of(&results, folder);
+        }
+        if published::is_published(folder) {
+            published::check_complete(&results, folder)?;
+        }
         Ok(results)
     }
 
@@ -440,10 +447,15 @@ impl CellResults {
         }
     }
 
+    /// Run seeds of all runs that have finished or failed.
+    pub(super) fn run_seeds(&self) -> impl Iterator<Item = u64> {
+        let finished = self.costs.iter().map(|(run_seed, _)| *run_seed);
+        finished.chain(self.failures.iter().map(|(run_seed, _)| *run_seed))
+    }
+
     /// Whether a run has finished or failed.
     pub(super) fn has_run(&self, run_seed: u64) -> bool {
-        let finished = self.costs.iter().any(|(finished, _)| *finished == run_seed);
-        finished || self.failures.iter().any(|(failed, _)| *failed == run_seed)
+        self.run_seeds().any(|present| present == run_seed)
     }
 
     /// The observations of the cell's task.

@@ -1,18 +1,22 @@
 //! Takes what is whole out of a damaged recording, run or study, and writes it to a new place.
 //!
 //! A file is kept if its checksum is right, and if others of its kind have none. Of files of visited states
-//! the whole episodes are kept, of recordings everything before the first damage. The source is not changed.
+//! the whole episodes are kept, of recordings everything before the first damage. Files of which a damaged
+//! list says nothing certain are kept, but not listed again: the new `SHA256SUMS` has only files that are as
+//! their run wrote them. The source is not changed.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::published;
 use super::result_file::StoredRun;
 use super::store::StudyFolder;
 use crate::record::recording::whole_length;
 use crate::record::state_files::{StateFiles, salvage as salvage_states};
-use crate::run::checksums::{Checksums, FILE_NAME, NewChecksums, sha256};
+use crate::run::checkpoint;
+use crate::run::checksums::{Checksums, DamagedFile, FILE_NAME, NewChecksums, sha256};
 use crate::run::files;
 use crate::run::folder::RunFolder;
 use crate::text::pluralize;
@@ -25,6 +29,8 @@ pub enum Fate {
     Kept,
     /// A part of it is kept; what is lost, for people.
     Cut(String),
+    /// It is kept, but may be damaged; why, for people.
+    Unverified(String),
     /// It is lost, and why.
     Lost(String),
 }
@@ -49,7 +55,7 @@ const MAX_DEPTH: usize = 8;
 pub fn salvage(from: &Path, to: &Path) -> io::Result<Vec<SalvagedFile>> {
     let mut salvaged = Vec::new();
     if from.is_dir() {
-        salvage_folder(from, to, MAX_DEPTH, &mut salvaged)?;
+        salvage_folder(from, to, MAX_DEPTH, &Sums::new(), &mut salvaged)?;
     } else {
         salvaged.push(salvage_file(from, to, None)?);
     }
@@ -60,18 +66,18 @@ fn salvage_folder(
     from: &Path,
     to: &Path,
     depth: usize,
+    inherited: &Sums,
     salvaged: &mut Vec<SalvagedFile>,
 ) -> io::Result<()> {
     let mut entries: Vec<fs::DirEntry> = fs::read_dir(from)?.collect::<io::Result<_>>()?;
     entries.sort_by_key(fs::DirEntry::file_name);
-    let known = KnownSums::of(from);
+    let known = KnownSums::of(from, inherited);
+    salvaged.extend(known.damaged_list());
     for entry in entries {
         let (path, kind) = (entry.path(), entry.file_type()?);
         let target = to.join(entry.file_name());
-        if kind.is_dir() && depth > 0 && !known.lists_folder(&path) {
-            salvage_folder(&path, &target, depth - 1, salvaged)?;
-        } else if kind.is_dir() && depth > 0 {
-            salvage_listed_folder(&path, &target, &known, salvaged)?;
+        if kind.is_dir() && depth > 0 {
+            salvage_folder(&path, &target, depth - 1, &known.listed, salvaged)?;
         } else if !kind.is_file() {
             let fate = Fate::Lost("is no regular file".to_owned());
             salvaged.push(SalvagedFile { path, fate });
@@ -80,7 +86,7 @@ fn salvage_folder(
         }
     }
     remove_untrue_summary(from, to, salvaged)?;
-    write_checksums(to, from, salvaged)
+    write_checksums(to, from, &known, salvaged)
 }
 
 /// Removes the summary of files of visited states that have lost episodes.
@@ -98,71 +104,92 @@ fn remove_untrue_summary(from: &Path, to: &Path, salvaged: &mut [SalvagedFile]) 
     Ok(())
 }
 
-/// The files of a run in a folder of it, such as its tasks.
-fn salvage_listed_folder(
-    from: &Path,
-    to: &Path,
-    known: &KnownSums,
-    salvaged: &mut Vec<SalvagedFile>,
-) -> io::Result<()> {
-    for entry in fs::read_dir(from)? {
-        let entry = entry?;
-        if entry.file_type()?.is_file() {
-            let target = to.join(entry.file_name());
-            salvaged.push(salvage_file(&entry.path(), &target, Some(known))?);
-        }
-    }
-    Ok(())
-}
-
 /// Whether a file is written again or belongs to a process.
 fn is_made_again(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default();
     name == FILE_NAME || name == ".lock"
 }
 
+/// SHA-256 of files by their paths.
+type Sums = BTreeMap<PathBuf, ListedSum>;
+
+#[derive(Clone)]
+struct ListedSum {
+    sha256: String,
+    /// Whether the list is whole. An equal sum in a damaged list shows that a file is whole all the same.
+    is_certain: bool,
+}
+
 /// Checksums of the files in a folder, as far as they can be read.
 struct KnownSums {
-    folder: PathBuf,
-    /// Sums by name, also from a damaged list: an equal sum shows that a file is whole all the same.
-    listed: BTreeMap<String, String>,
-    checksums: Option<Checksums>,
+    /// Those of this folder and of the folders that it is in.
+    listed: Sums,
+    checksums: Result<Checksums, DamagedFile>,
+}
+
+/// What is known of the contents of a file.
+enum Contents {
+    /// Nothing says that they are damaged.
+    Right,
+    /// They are damaged, and why.
+    Damaged(String),
+    /// They may be damaged, and why.
+    Uncertain(String),
 }
 
 impl KnownSums {
-    fn of(folder: &Path) -> Self {
+    fn of(folder: &Path, inherited: &Sums) -> Self {
         let run = RunFolder::new(folder);
+        let mut known = Self {
+            listed: inherited.clone(),
+            checksums: Checksums::read(&run),
+        };
         let text = read_bytes(&run.checksums_file(), MAX_SMALL_FILE_BYTES).unwrap_or_default();
         let text = String::from_utf8_lossy(&text);
-        let entry = |line: &str| {
-            let (sum, name) = line.split_once("  ")?;
-            Some((name.to_owned(), sum.to_owned()))
-        };
-        Self {
-            folder: folder.to_owned(),
-            listed: text.lines().filter_map(entry).collect(),
-            checksums: Checksums::read(&run).ok(),
+        let lines = text.lines().filter_map(|line| line.split_once("  "));
+        let is_certain = known.checksums.is_ok();
+        lines.for_each(|(sha256, name)| known.add(folder.join(name), sha256, is_certain));
+        for (path, sha256) in published::listed_hashes(folder) {
+            known.add(path, &sha256, true);
+        }
+        known
+    }
+
+    fn add(&mut self, path: PathBuf, sha256: &str, is_certain: bool) {
+        let sha256 = sha256.to_owned();
+        self.listed.insert(path, ListedSum { sha256, is_certain });
+    }
+
+    /// The list of the folder, if it is damaged.
+    fn damaged_list(&self) -> Option<SalvagedFile> {
+        let error = self.checksums.as_ref().err()?;
+        let fate = Fate::Cut(format!(
+            "{}; sums that are those of files are kept",
+            error.reason
+        ));
+        let path = error.path.clone();
+        Some(SalvagedFile { path, fate })
+    }
+
+    fn contents(&self, path: &Path, bytes: &[u8]) -> Contents {
+        match (self.listed.get(path), &self.checksums) {
+            (Some(sum), _) if sum.sha256 == sha256(bytes) => Contents::Right,
+            (Some(sum), _) if sum.is_certain => {
+                Contents::Damaged("its SHA-256 is not the listed one".to_owned())
+            }
+            (_, Err(_)) | (Some(_), _) => Contents::Uncertain(format!(
+                "{FILE_NAME} is damaged and does not have its SHA-256"
+            )),
+            (None, Ok(checksums)) => Self::growing(checksums, path),
         }
     }
 
-    fn name_of(&self, path: &Path) -> String {
-        let name = path.strip_prefix(&self.folder).unwrap_or(path);
-        let parts = name.iter().map(|part| part.to_string_lossy());
-        parts.collect::<Vec<_>>().join("/")
-    }
-
-    fn lists_folder(&self, path: &Path) -> bool {
-        let prefix = self.name_of(path) + "/";
-        self.listed.keys().any(|name| name.starts_with(&prefix))
-    }
-
-    /// Why a file is not whole; `None` if it is, or if no checksum of it is known.
-    fn damage(&self, path: &Path, bytes: &[u8]) -> Option<String> {
-        match (self.listed.get(&self.name_of(path)), &self.checksums) {
-            (Some(sum), _) if *sum == sha256(bytes) => None,
-            (Some(_), _) => Some("its SHA-256 is not the listed one".to_owned()),
-            (None, Some(checksums)) => checksums.verify(path).err().map(|error| error.reason),
-            (None, None) => Some(format!("{FILE_NAME} is damaged and does not list it")),
+    /// Of a file that no list has, in a run that may be in progress.
+    fn growing(checksums: &Checksums, path: &Path) -> Contents {
+        match checksums.verify(path) {
+            Ok(()) => Contents::Right,
+            Err(error) if error.path == path => Contents::Damaged(error.reason),
+            Err(checkpoint) => Contents::Uncertain(checkpoint.to_string()),
         }
     }
 }
@@ -171,54 +198,62 @@ fn salvage_file(path: &Path, target: &Path, known: Option<&KnownSums>) -> io::Re
     let fate = match read_bytes(path, MAX_LARGE_FILE_BYTES) {
         Err(error) => Fate::Lost(error.to_string()),
         Ok(bytes) => {
-            let damage = known.and_then(|known| known.damage(path, &bytes));
-            salvage_bytes(path, target, &bytes, damage)?
+            let contents = known.map(|known| known.contents(path, &bytes));
+            salvage_bytes(path, target, &bytes, contents.unwrap_or(Contents::Right))?
         }
     };
     let path = path.to_owned();
     Ok(SalvagedFile { path, fate })
 }
 
-fn salvage_bytes(
-    path: &Path,
-    target: &Path,
-    bytes: &[u8],
-    damage: Option<String>,
-) -> io::Result<Fate> {
-    let extension = path.extension().and_then(|extension| extension.to_str());
+fn salvage_bytes(path: &Path, target: &Path, bytes: &[u8], contents: Contents) -> io::Result<Fate> {
     if StateFiles::is_state_file(path) {
-        return states_of(path, target);
+        return states_of(path, target, contents);
     }
+    let extension = path.extension().and_then(|extension| extension.to_str());
     let is_recording = path.to_string_lossy().contains(".rrd");
     if is_recording && matches!(extension, Some("rrd" | "part")) {
-        return recording_of(path, target, bytes);
+        return recording_of(path, target, bytes, contents);
     }
-    let damage = match extension {
-        Some("run") => StoredRun::from_bytes(bytes)
-            .is_none()
-            .then(|| "its checksum is wrong".to_owned()),
-        Some("json") if path.ends_with("study.json") => {
-            let folder = StudyFolder::new(path.parent().unwrap_or(Path::new("")));
-            folder.manifest().err().map(|error| error.reason)
-        }
-        _ => damage,
-    };
-    if let Some(reason) = damage {
+    if let Some(reason) = own_damage(path, bytes) {
         return Ok(Fate::Lost(reason));
     }
+    let fate = match contents {
+        Contents::Damaged(reason) => return Ok(Fate::Lost(reason)),
+        Contents::Uncertain(reason) => Fate::Unverified(reason),
+        Contents::Right => Fate::Kept,
+    };
     files::replace(target, bytes)?;
-    Ok(Fate::Kept)
+    Ok(fate)
+}
+
+/// Why a file that has a checksum of its own is not whole.
+fn own_damage(path: &Path, bytes: &[u8]) -> Option<String> {
+    if path.extension().is_some_and(|extension| extension == "run") {
+        let is_whole = StoredRun::from_bytes(bytes).is_some();
+        (!is_whole).then(|| "its checksum is wrong".to_owned())
+    } else if path.ends_with("study.json") {
+        let folder = StudyFolder::new(path.parent().unwrap_or(Path::new("")));
+        folder.manifest().err().map(|error| error.reason)
+    } else if checkpoint::is_checkpoint(path) {
+        checkpoint::damage(bytes)
+    } else {
+        None
+    }
 }
 
 /// The whole episodes of a file of visited states.
-fn states_of(path: &Path, target: &Path) -> io::Result<Fate> {
+fn states_of(path: &Path, target: &Path, contents: Contents) -> io::Result<Fate> {
     let Some(states) = salvage_states(path)? else {
         let reason = "its header is damaged, which says what the numbers are";
         return Ok(Fate::Lost(reason.to_owned()));
     };
     files::replace(target, &states.bytes)?;
     if states.lost_bytes == 0 && states.lost_episodes() == 0 {
-        return Ok(Fate::Kept);
+        return Ok(match contents {
+            Contents::Right => Fate::Kept,
+            Contents::Damaged(reason) | Contents::Uncertain(reason) => Fate::Unverified(reason),
+        });
     }
     let last = states.episodes.last().map_or(0, |last| last + 1);
     let lost: Vec<String> = (0..last)
@@ -239,8 +274,9 @@ fn states_of(path: &Path, target: &Path) -> io::Result<Fate> {
     )))
 }
 
-/// What precedes the first damage in a recording.
-fn recording_of(path: &Path, target: &Path, bytes: &[u8]) -> io::Result<Fate> {
+/// What precedes the first damage in a recording. If it is damaged, it does not get the name of a whole
+/// recording.
+fn recording_of(path: &Path, target: &Path, bytes: &[u8], contents: Contents) -> io::Result<Fate> {
     let (messages, length) = match whole_length(path) {
         Ok(whole) => whole,
         Err(error) => return Ok(Fate::Lost(error.to_string())),
@@ -249,34 +285,56 @@ fn recording_of(path: &Path, target: &Path, bytes: &[u8]) -> io::Result<Fate> {
     if messages == 0 {
         return Ok(Fate::Lost("no message is whole".to_owned()));
     }
-    if length == bytes.len() {
-        files::replace(target, bytes)?;
-        return Ok(Fate::Kept);
-    }
-    let is_part = target
-        .extension()
-        .is_some_and(|extension| extension == "part");
-    let target = if is_part {
-        target.to_owned()
+    let (target, fate) = if length < bytes.len() {
+        let lost = format!(
+            "{length} of {} bytes, {messages} messages before the first damage; a recording has no checksums of \
+             its parts, so that earlier changes can remain",
+            bytes.len()
+        );
+        (unfinished(target), Fate::Cut(lost))
     } else {
-        target.with_added_extension("part")
+        match contents {
+            Contents::Right => (target.to_owned(), Fate::Kept),
+            Contents::Uncertain(reason) => (target.to_owned(), Fate::Unverified(reason)),
+            Contents::Damaged(reason) => (
+                unfinished(target),
+                Fate::Unverified(format!(
+                    "{reason}; all {messages} messages can be read, but numbers in them are wrong"
+                )),
+            ),
+        }
     };
     files::replace(&target, &bytes[..length])?;
-    Ok(Fate::Cut(format!(
-        "{length} of {} bytes, {messages} messages before the first damage; a recording has no checksums of \
-         its parts, so that earlier changes can remain",
-        bytes.len()
-    )))
+    Ok(fate)
 }
 
-/// Writes the checksums of the files of a run that are whole.
-fn write_checksums(to: &Path, from: &Path, salvaged: &[SalvagedFile]) -> io::Result<()> {
+/// The path of a recording that is not whole.
+fn unfinished(recording: &Path) -> PathBuf {
+    if recording
+        .extension()
+        .is_some_and(|extension| extension == "part")
+    {
+        recording.to_owned()
+    } else {
+        recording.with_added_extension("part")
+    }
+}
+
+/// Writes the checksums of those files of a run that its list has and that are whole.
+fn write_checksums(
+    to: &Path,
+    from: &Path,
+    known: &KnownSums,
+    salvaged: &[SalvagedFile],
+) -> io::Result<()> {
     if !from.join(FILE_NAME).exists() {
         return Ok(());
     }
     let run = RunFolder::new(to);
     let mut sums = NewChecksums::default();
-    for file in salvaged.iter().filter(|file| file.fate == Fate::Kept) {
+    let is_whole =
+        |file: &&SalvagedFile| file.fate == Fate::Kept && known.listed.contains_key(&file.path);
+    for file in salvaged.iter().filter(is_whole) {
         if let Ok(name) = file.path.strip_prefix(from) {
             sums.add_file(&run, &to.join(name))?;
         }

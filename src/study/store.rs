@@ -12,6 +12,7 @@ use super::external::{ExternalCell, ExternalRun, ExternalRuns};
 use super::file::{Claim, Study};
 use super::plan::{PlannedRun, StudyPlan};
 use super::registration::Lock;
+use super::report;
 pub use super::result_file::StoredRun;
 use super::run_checkpoint::{self, SavedProgress};
 use super::run_marks::{self, RunMark};
@@ -144,7 +145,8 @@ impl StudyFolder {
         std::fs::create_dir_all(&self.path)?;
         let lock = FileLock::acquire(&self.path.join(".lock"), exclusive)?;
         if lock.is_some() {
-            for folder in [&self.path, &self.runs_folder()] {
+            let figures = self.path.join(report::FIGURES);
+            for folder in [&self.path, &self.runs_folder(), &figures] {
                 files::remove_abandoned(folder, |_| true);
             }
         }

@@ -15,7 +15,6 @@ use sha2::{Digest, Sha256};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use super::completeness;
 use super::experiment;
 use super::former_digests::FormerDigests;
 use super::plan::StudyPlan;
@@ -153,7 +152,7 @@ pub fn write(plan: &StudyPlan, results: &Results, path: &Path) -> Result<Packed,
     files.insert(published::SUBMISSION.into(), description);
     let folder = name(plan)?;
     let archive = zip(&folder, &files).map_err(|error| file_error(path, error))?;
-    files::replace(path, &archive).map_err(|error| file_error(path, error))?;
+    files::write_to(path, &archive).map_err(|error| file_error(path, error))?;
     Ok(Packed {
         files: files.len(),
         bytes: archive.len(),
@@ -172,9 +171,8 @@ fn check_results(results: &Results) -> Result<(), SubmissionError> {
     if let Some(sentence) = broken {
         return Err(SubmissionError::Broken(sentence.clone()));
     }
-    let missing = completeness::missing_runs(results);
+    let [finished, failed, missing] = results.run_counts();
     if missing > 0 {
-        let [finished, failed, _] = results.run_counts();
         let total = finished + failed + missing;
         return Err(SubmissionError::Incomplete { missing, total });
     }

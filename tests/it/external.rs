@@ -936,3 +936,45 @@ fn errors_in_files_have_their_places() {
         assert!(refused.contains(expected), "{refused}");
     }
 }
+
+/// Without the files, nothing says whether published numbers of others are theirs.
+#[test]
+fn published_results_of_others_are_not_verified_without_their_files() {
+    let fixture = Fixture::confirmed();
+    let paths = ["out", "published"].map(|name| fixture.path(name));
+    let paths = paths.each_ref().map(|path| path.to_str().unwrap());
+    assert!(
+        seedbed(&["report", paths[0], "--publish", paths[1]])
+            .status
+            .success()
+    );
+    for folder in [PathBuf::from(paths[0]), fixture.path("published/mine")] {
+        let [study, folder] =
+            [&fixture.path("mine.ron"), &folder].map(|path| path.display().to_string());
+        let verify = || {
+            seedbed(&[
+                "study",
+                &study,
+                "--out",
+                &folder,
+                "--confirm",
+                "--verify=100%",
+            ])
+        };
+        assert!(verify().status.success(), "{:?}", verify());
+        fs::rename(fixture.path("a"), fixture.path("gone")).unwrap();
+        let output = verify();
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        assert!(
+            stdout(&output).contains("3 of 3 repeated runs are bit-identical"),
+            "{output:?}"
+        );
+        let error = stderr(&output);
+        assert!(
+            error.contains("missing    the files of 3 runs of cell `a`, with which"),
+            "{error}"
+        );
+        assert!(error.ends_with("error: 3 runs not reproduced\n"), "{error}");
+        fs::rename(fixture.path("gone"), fixture.path("a")).unwrap();
+    }
+}

@@ -531,11 +531,14 @@ fn decompressed(bytes: &[u8]) -> String {
 
 /// Replaces the table of published results, and its hash.
 fn write_published_table(published: &Path, text: &str) {
-    let bytes = compressed(text);
+    write_published_bytes(published, &compressed(text));
+}
+
+fn write_published_bytes(published: &Path, bytes: &[u8]) {
     let builds = published.join("builds.json");
     let mut json: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(&builds).unwrap()).unwrap();
-    json["sha256"]["results.csv.gz"] = format!("{:x}", Sha256::digest(&bytes)).into();
+    json["sha256"]["results.csv.gz"] = format!("{:x}", Sha256::digest(bytes)).into();
     fs::write(builds, json.to_string()).unwrap();
     fs::write(published.join("results.csv.gz"), bytes).unwrap();
 }
@@ -561,4 +564,302 @@ fn a_study_says_whether_its_task_is_one_of_exploration() {
         printed.contains("`DeepSea` with K = 10 is no task of exploration"),
         "{printed}"
     );
+}
+
+/// Changes what a folder of results says of itself.
+fn edit_json(path: &Path, edit: impl Fn(&mut serde_json::Value)) {
+    let mut json = serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap();
+    edit(&mut json);
+    json.as_object_mut().unwrap().remove("sha256");
+    fs::write(path, json.to_string()).unwrap();
+}
+
+/// Exchanges the settings of both cells, also in the lock that the results have.
+fn swap_cells(json: &mut serde_json::Value) {
+    for key in ["digest", "sha256"] {
+        let first = json["cells"][0][key].take();
+        json["cells"][0][key] = json["cells"][1][key].take();
+        json["cells"][1][key] = first;
+    }
+    if json["lock"].is_null() {
+        return;
+    }
+    let registered = &mut json["lock"]["registered"];
+    for key in ["cells", "cell_hashes"] {
+        if registered[key].is_array() {
+            let first = registered[key][0][1].take();
+            registered[key][0][1] = registered[key][1][1].take();
+            registered[key][1][1] = first;
+        }
+    }
+}
+
+fn drop_cell(json: &mut serde_json::Value) {
+    json["cells"].as_array_mut().unwrap().pop();
+}
+
+/// A forged description with the right runs is not that of the study, whether it is registered or not.
+#[test]
+fn verify_compares_descriptions_with_the_study() {
+    type Edit = fn(&mut serde_json::Value);
+    let edits: [(&str, Edit); 7] = [
+        ("the cell `random` is missing", drop_cell),
+        ("settings of cell `seeds` are others; ", swap_cells),
+        (
+            "there are 5 runs of each cell where the study has 6",
+            |json| {
+                json["repeats"] = 5.into();
+            },
+        ),
+        ("the first run seed is 1001 where", |json| {
+            json["first_seed"] = 1001.into();
+        }),
+        ("the claim `seeds | random | Regret | Less | 5", |json| {
+            let study = json["study"].as_str().unwrap();
+            json["study"] = study.replace("smallest: 5", "smallest: 1").into();
+        }),
+        (
+            "a text, a figure, a measure or another value was changed",
+            |json| {
+                let study = json["study"].as_str().unwrap();
+                json["study"] = study.replace("\"Small\"", "\"Large\"").into();
+            },
+        ),
+        ("the description of cell `seeds` was changed", |json| {
+            json["cells"][0]["agents"] = 9.into();
+        }),
+    ];
+    for confirm in [&["--confirm"][..], &[]] {
+        let fixture = Fixture::new(&with_repeats(6));
+        if !confirm.is_empty() {
+            fixture.succeed(&["--register"]);
+        }
+        fixture.succeed(confirm);
+        let verify = [confirm, &["--verify=100%"]].concat();
+        fixture.succeed(&verify);
+        let manifest = fixture.path("out/study.json");
+        let original = fs::read(&manifest).unwrap();
+        for (expected, edit) in &edits {
+            edit_json(&manifest, edit);
+            let output = fixture.study(&verify);
+            assert_eq!(output.status.code(), Some(1), "{expected}: {output:?}");
+            let error = stderr(&output);
+            assert!(error.contains(expected), "{expected}: {error}");
+            fs::write(&manifest, &original).unwrap();
+        }
+    }
+}
+
+/// The runs of a lock that was edited together with its id are those of no lock that others have.
+#[test]
+fn verify_compares_the_lock_of_results_with_that_of_the_study() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    edit_json(&fixture.path("out/study.json"), |json| {
+        json["lock"]["registered"]["build"] = "0123456789abcdef".into();
+    });
+    let output = fixture.study(&["--confirm", "--verify"]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert!(
+        stderr(&output).contains("the lock was changed"),
+        "{output:?}"
+    );
+}
+
+/// Runs that a longer study has in addition were not made.
+#[test]
+fn results_of_a_shorter_study_are_not_verified() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.succeed(&[]);
+    fixture.write_study(&with_repeats(8));
+    let output = fixture.study(&["--verify"]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let expected = "there are 6 runs of each cell where the study has 8\n";
+    assert!(stderr(&output).contains(expected), "{output:?}");
+}
+
+/// Two cells with equal settings share their runs, and each row is compared.
+#[test]
+fn forged_rows_of_a_cell_with_equal_settings_are_found() {
+    let fixture = Fixture::new(&with_repeats(6));
+    let study = fixture.path("small.ron");
+    let text = fs::read_to_string(&study).unwrap();
+    let twin = r#"(name: "twin", set: ["algorithm=Random"]), ],
+                measures"#;
+    fs::write(
+        &study,
+        text.replacen("],\n                measures", twin, 1),
+    )
+    .unwrap();
+    fixture.succeed(&[]);
+    let published = fixture.publish();
+    let verify = || {
+        let paths = [&study, &published].map(|path| path.to_str().unwrap());
+        seedbed(&["study", paths[0], "--out", paths[1], "--verify=100%"])
+    };
+    assert!(verify().status.success(), "{:?}", verify());
+    let table = decompressed(&fs::read(published.join("results.csv.gz")).unwrap());
+    let forged: Vec<String> = table
+        .lines()
+        .map(|row| match row.strip_prefix("twin,") {
+            Some(values) => format!("twin,{}", values.replacen("0.", "0.0", 1)),
+            None => row.to_owned(),
+        })
+        .collect();
+    assert_ne!(forged.join("\n") + "\n", table);
+    write_published_table(&published, &(forged.join("\n") + "\n"));
+    let output = verify();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert!(
+        stdout(&output).contains("6 of 12 repeated runs"),
+        "{output:?}"
+    );
+    let manifest = published.join("study.json");
+    edit_json(&manifest, |json| {
+        json["cells"][2]["digest"] = "0000000000000000".into();
+    });
+    edit_json(&published.join("builds.json"), |_| {});
+    let output = verify();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert!(
+        stderr(&output).contains("settings of cell `twin` are others"),
+        "{output:?}"
+    );
+}
+
+/// Every reader of gzip reads all members of a file (RFC 1952), and so does the report.
+#[test]
+fn all_members_of_a_compressed_table_are_read() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let published = fixture.publish();
+    let table = published.join("results.csv.gz");
+    let text = decompressed(&fs::read(&table).unwrap());
+    let (first, rest) = text.split_at(text.len() / 2);
+    let report = |bytes: Vec<u8>| {
+        write_published_bytes(&published, &bytes);
+        seedbed(&["report", published.to_str().unwrap()])
+    };
+    let output = report([compressed(first), compressed(rest)].concat());
+    assert!(output.status.success(), "{output:?}");
+    let row = text.lines().last().unwrap();
+    for (more, expected) in [
+        (
+            compressed(row),
+            ":14: the study has no (second) run of `random`",
+        ),
+        (
+            b"no gzip at all".to_vec(),
+            "results.csv.gz: is no whole file of gzip: ",
+        ),
+    ] {
+        let output = report([compressed(&text), more].concat());
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        assert!(stderr(&output).contains(expected), "{output:?}");
+    }
+    let output = report(b"hello".to_vec());
+    assert!(
+        stderr(&output).contains("is no whole file of gzip"),
+        "{output:?}"
+    );
+}
+
+/// Whoever does not like what a later look found cannot leave it out.
+#[test]
+fn a_look_that_was_removed_is_missing() {
+    let looks = with_repeats(6).replace("claims:", "looks: [3, 6], claims:");
+    // Three runs of each cell are too few for a verdict at this level.
+    let fixture = Fixture::new(&looks);
+    let confirmed = fixture.confirm();
+    assert!(
+        confirmed.contains("runs       12 finished\n"),
+        "{confirmed}"
+    );
+    let published = fixture.publish();
+    let lock: serde_json::Value =
+        serde_json::from_slice(&fs::read(fixture.path("small.ron.lock")).unwrap()).unwrap();
+    let id = lock["id"].as_str().unwrap();
+    // The last digits of a row's run seed, by the definition of run seeds.
+    let is_of_second_look = |text: &str| {
+        (3..6).any(|index| {
+            let hash = Sha256::digest(format!("{id}:{index}"));
+            let seed = hash[..6]
+                .iter()
+                .fold(0_u64, |seed, byte| seed << 8 | u64::from(*byte));
+            text.contains(&seed.to_string())
+        })
+    };
+    let table = decompressed(&fs::read(published.join("results.csv.gz")).unwrap());
+    let kept: Vec<&str> = table
+        .lines()
+        .filter(|row| !is_of_second_look(row))
+        .collect();
+    assert_eq!(kept.len(), 7);
+    write_published_table(&published, &kept.join("\n"));
+    let output = seedbed(&["report", published.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    let expected = "6 of 12 runs are missing; expected one row for each run";
+    assert!(stderr(&output).contains(expected), "{output:?}");
+    for file in fixture.result_files() {
+        if is_of_second_look(file.to_str().unwrap()) {
+            fs::remove_file(file).unwrap();
+        }
+    }
+    let report = fixture.report();
+    assert!(
+        report.contains("runs       6 finished, 6 missing\n"),
+        "{report}"
+    );
+    assert!(
+        report.contains("note       6 runs of the registered runs: missing."),
+        "{report}"
+    );
+}
+
+#[test]
+fn results_that_do_not_confirm_their_lock_are_not_published() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    fixture.edit_manifest("smallest: 5", "smallest: 1");
+    let [out, parent] = ["out", "published"].map(|name| fixture.path(name));
+    let paths = [&out, &parent].map(|path| path.to_str().unwrap());
+    let output = seedbed(&["report", paths[0], "--publish", paths[1]]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let expected = "do not confirm what was registered: The reported study differs from its lock";
+    assert!(stderr(&output).contains(expected), "{output:?}");
+    assert!(!parent.exists());
+}
+
+/// `builds.json` has the SHA-256 of the table.
+#[test]
+fn a_damaged_table_of_published_results_is_not_salvaged() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let published = fixture.publish();
+    let table = published.join("results.csv.gz");
+    let bytes = fs::read(&table).unwrap();
+    fs::write(&table, &bytes[..bytes.len() / 2]).unwrap();
+    let output = seedbed(&["salvage", published.to_str().unwrap()]);
+    assert!(output.status.success(), "{output:?}");
+    let printed = stdout(&output);
+    assert!(
+        printed.contains("results.csv.gz: its SHA-256 is not the listed one"),
+        "{printed}"
+    );
+    assert!(
+        printed.contains("4 files whole, 0 in part, 1 lost"),
+        "{printed}"
+    );
+}
+
+/// The folder of figures, too, has files of processes that were killed.
+#[test]
+fn incomplete_figures_are_removed() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.succeed(&[]);
+    let part = fixture.path("out/figures/1-curves.svg.abc123.part");
+    fs::create_dir_all(part.parent().unwrap()).unwrap();
+    fs::write(&part, "").unwrap();
+    fixture.succeed(&[]);
+    assert!(!part.exists());
 }

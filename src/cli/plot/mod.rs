@@ -165,7 +165,7 @@ pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
         figure.svg().into_bytes()
     };
     files::remove_abandoned_of(&out);
-    files::replace(&out, &bytes)
+    files::write_to(&out, &bytes)
         .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", out.display())))?;
     say!("{}: {}", out.display(), size_text(&figure, is_png));
     Ok(())

@@ -116,6 +116,15 @@ impl LoadedRun {
             None
         };
         let checksums = Checksums::read(&folder)?;
+        if !path.is_file() {
+            let files = [&episodes, &rounds, &folder.summary_file()];
+            files
+                .into_iter()
+                .try_for_each(|file| checksums.check_presence(file))?;
+        }
+        let unlisted = recording
+            .as_ref()
+            .and_then(|path| checksums.unlisted_warning(path));
         let recording = recording
             .map(|path| {
                 checksums.verify(&path)?;
@@ -133,6 +142,7 @@ impl LoadedRun {
             None
         };
         let mut warnings = warnings(recording.as_ref(), &checksums);
+        warnings.extend(unlisted);
         warnings.extend(
             summary
                 .as_ref()

@@ -43,6 +43,11 @@ struct Episode {
 pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<ReadRun, Problem> {
     let run_folder = RunFolder::new(path);
     let [episodes_path, rounds_path] = run_folder.table_files();
+    let checksums = Checksums::read(&run_folder).map_err(InputError::from)?;
+    for path in [&episodes_path, &rounds_path, &run_folder.summary_file()] {
+        let presence = checksums.check_presence(path);
+        presence.map_err(InputError::from)?;
+    }
     if !episodes_path.is_file() {
         return Err(file_error(
             path,
@@ -50,7 +55,6 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
         )
         .into());
     }
-    let checksums = Checksums::read(&run_folder).map_err(InputError::from)?;
     let verify = |path: &Path| checksums.verify(path).map_err(InputError::from);
     verify(&episodes_path)?;
     let file = DataFile::read(folder, &episodes_path)?;

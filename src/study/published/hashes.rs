@@ -14,10 +14,25 @@ use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, MAX_TABLE_BYTES, read_byt
 /// Name of the description of a submission, in its directory.
 pub(in crate::study) const SUBMISSION: &str = "submission.json";
 
-/// What is read of the description of a submission.
+/// What is read of the description of a submission, and of the builds of published results.
 #[derive(Deserialize)]
-struct Submission {
+struct Listed {
+    #[serde(default)]
     sha256: BTreeMap<String, String>,
+}
+
+/// The paths and SHA-256 that the builds of published results and the description of a submission in
+/// `folder` list, as far as they can be read.
+pub(in crate::study) fn listed_hashes(folder: &Path) -> Vec<(PathBuf, String)> {
+    let mut listed = Vec::new();
+    for name in [super::BUILDS, SUBMISSION] {
+        let bytes = read_bytes(&folder.join(name), MAX_SMALL_FILE_BYTES).unwrap_or_default();
+        if let Ok(Listed { sha256 }) = serde_json::from_slice(&bytes) {
+            let sums = sha256.into_iter();
+            listed.extend(sums.map(|(name, sha256)| (folder.join(name), sha256)));
+        }
+    }
+    listed
 }
 
 /// Checks all files of the submission that a directory with results is part of, if it is part of one.
@@ -34,8 +49,7 @@ pub(super) fn check_submission(folder: &Path) -> Result<(), ResultsError> {
     let path = root.join(SUBMISSION);
     let error = |message: String| table_error(&path, message);
     let bytes = read_bytes(&path, MAX_SMALL_FILE_BYTES).map_err(|e| error(e.to_string()))?;
-    let submission: Submission =
-        serde_json::from_slice(&bytes).map_err(|e| error(e.to_string()))?;
+    let submission: Listed = serde_json::from_slice(&bytes).map_err(|e| error(e.to_string()))?;
     let contains = |name: &Path| {
         let place = folder.strip_prefix(root).unwrap_or(&folder).join(name);
         let place: Vec<_> = place.iter().map(|part| part.to_string_lossy()).collect();

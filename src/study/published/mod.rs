@@ -10,14 +10,14 @@
 mod hashes;
 mod row;
 
-pub(super) use hashes::SUBMISSION;
+pub(super) use hashes::{SUBMISSION, listed_hashes};
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use flate2::Compression;
-use flate2::read::GzDecoder;
+use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
 use seedbed_env::input::limits::{
     MAX_SMALL_FILE_BYTES, MAX_TABLE_BYTES, open_regular, read_bytes, text_of,
@@ -29,12 +29,12 @@ use crate::run::files;
 use crate::study::claims::ClaimResult;
 use crate::study::completeness;
 use crate::study::measure::Measure;
-use crate::study::plan::PlannedRun;
+use crate::study::plan::{PlannedRun, StudyPlan};
 use crate::study::provenance::{format_build_id, parse_build_id};
 use crate::study::report::{self, column};
 use crate::study::results::{CellResults, Results, ResultsError};
 use crate::study::runner::Outcome;
-use crate::study::store::{self, ManifestCell, StudyFolder};
+use crate::study::store::{self, StudyFolder};
 use crate::text::from_spreadsheet_cell;
 use row::Row;
 
@@ -142,18 +142,23 @@ pub fn is_published(folder: &StudyFolder) -> bool {
 pub struct PublishedRuns {
     /// The study, with its cells but without runs.
     study: Results,
+    /// Digests of the cells by their names, as the study file says.
+    digests: HashMap<String, String>,
     columns: HashMap<String, usize>,
     /// Rows by the name of the cell and the run seed.
     rows: HashMap<(String, u64), csv::StringRecord>,
 }
 
 impl PublishedRuns {
-    /// Reads the table in a folder of published results, which is checked.
+    /// Reads the table in a folder of published results of `plan`, of which `study` was read.
     ///
     /// # Errors
-    /// If a file in the folder is damaged, or does not belong to the study.
-    pub fn read(folder: &StudyFolder) -> Result<Self, ResultsError> {
-        let mut study = Results::read(folder)?;
+    /// If the table is damaged.
+    pub fn read(
+        folder: &StudyFolder,
+        mut study: Results,
+        plan: &StudyPlan,
+    ) -> Result<Self, ResultsError> {
         for cell in &mut study.cells {
             *cell = CellResults::without_runs(cell.description.clone());
         }
@@ -175,8 +180,12 @@ impl PublishedRuns {
             let key = row.key().map_err(&damaged)?;
             rows.insert(key, row.record);
         }
+        let cells = plan.cells.iter();
         Ok(Self {
             study,
+            digests: cells
+                .map(|cell| (cell.name.clone(), cell.digest.clone()))
+                .collect(),
             columns,
             rows,
         })
@@ -193,10 +202,9 @@ impl PublishedRuns {
     #[must_use]
     pub fn is_reproduced_by(&self, run: &PlannedRun<'_>, outcome: &Outcome) -> bool {
         let mut cells = self.study.cells.iter().filter(|cell| {
-            let ManifestCell { name, digest, .. } = &cell.description;
-            // Its own row in any case: the digest that is published may be another one.
-            let is_of_run = *name == run.cell.name || *digest == run.cell.digest;
-            is_of_run && self.has_row(name, run.run_seed)
+            let name = &cell.description.name;
+            let shares_run = self.digests.get(name) == Some(&run.cell.digest);
+            shares_run && self.has_row(name, run.run_seed)
         });
         self.contains(run) && cells.all(|cell| self.is_same(cell, run.run_seed, outcome))
     }
@@ -295,15 +303,26 @@ pub(super) fn read_table(results: &mut Results, folder: &StudyFolder) -> Result<
             .map_err(|problem| error(Some(line), problem))?;
     }
     count_missing_runs(results);
-    let of_others = |cell: &&CellResults| cell.description.external.is_none();
-    let own_cells = results.cells.iter().filter(of_others);
-    let missing: usize = own_cells.map(|cell| cell.missing).sum();
-    if missing > 0 {
-        let sentence = completeness::missing_sentence(results, missing);
-        let message = format!("{sentence}; expected one row for each run of each cell");
-        return Err(error(None, message));
-    }
     Ok(())
+}
+
+/// Checks that the table has a row for each run of each cell, up to the look at which the study could
+/// end. Runs of others may be missing.
+///
+/// # Errors
+/// Rows are missing.
+pub(super) fn check_complete(results: &Results, folder: &StudyFolder) -> Result<(), ResultsError> {
+    let cells = results.cells.iter();
+    let mut own_cells = cells.filter(|cell| cell.description.external.is_none());
+    if own_cells.all(|cell| cell.missing == 0) {
+        return Ok(());
+    }
+    let sentence = completeness::missing_sentence(results);
+    Err(ResultsError::Table {
+        path: folder.path().join(TABLE),
+        line: None,
+        message: format!("{sentence}; expected one row for each run of each cell"),
+    })
 }
 
 fn read_builds(results: &mut Results, folder: &StudyFolder) -> io::Result<Builds> {
@@ -319,8 +338,10 @@ fn read_builds(results: &mut Results, folder: &StudyFolder) -> io::Result<Builds
     Ok(builds)
 }
 
+/// The text of a file of gzip, of which all members are read (RFC 1952).
 fn decompress(path: &Path) -> io::Result<String> {
-    text_of(GzDecoder::new(open_regular(path)?), MAX_TABLE_BYTES)
+    let text = text_of(MultiGzDecoder::new(open_regular(path)?), MAX_TABLE_BYTES);
+    text.map_err(|error| io::Error::new(error.kind(), format!("is no whole file of gzip: {error}")))
 }
 
 /// What is known of the rows of a table that were read.

@@ -44,6 +44,9 @@ fn write_tables(
     Ok(tables)
 }
 
+/// Name of the folder of a report's figures.
+pub(super) const FIGURES: &str = "figures";
+
 /// Removes a file of an earlier report, if there is one.
 fn remove_earlier(path: &Path) -> io::Result<()> {
     match std::fs::remove_file(path) {
@@ -54,7 +57,7 @@ fn remove_earlier(path: &Path) -> io::Result<()> {
 
 /// Deletes figures of an earlier report, because the new report may not have them.
 fn delete_outdated_files(folder: &Path) -> io::Result<()> {
-    if let Ok(entries) = std::fs::read_dir(folder.join("figures")) {
+    if let Ok(entries) = std::fs::read_dir(folder.join(FIGURES)) {
         for entry in entries.flatten() {
             if is_figure(&entry.path()) {
                 std::fs::remove_file(entry.path())?;
@@ -111,7 +114,7 @@ pub fn write(
     let figures = figures::draw(results);
     delete_outdated_files(folder)?;
     for figure in &figures {
-        let path = folder.join("figures").join(&figure.name);
+        let path = folder.join(FIGURES).join(&figure.name);
         let png = figure
             .picture
             .png(PNG_SCALE)

@@ -462,9 +462,12 @@ fn raw_string_length(text: &str) -> Option<usize> {
     )
 }
 
-/// What to write instead of fields in braces.
+/// What to write instead of fields or values in braces.
 fn fields_in_braces(first: Option<Token<'_>>) -> Option<String> {
     let name = first.map(name).filter(|name| *name != "}")?;
+    if name.starts_with(|start: char| start.is_ascii_digit() || start == '-') {
+        return Some(format!("write values in parentheses: `({})`", shown(name)));
+    }
     Some(format!(
         "write fields in parentheses: `({}: …)`",
         shown(name)

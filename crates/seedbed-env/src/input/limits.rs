@@ -90,7 +90,11 @@ pub fn open_regular(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-fn check_is_regular(metadata: &Metadata) -> io::Result<()> {
+/// Checks that a file is a regular one.
+///
+/// # Errors
+/// It is a folder, a pipe, a socket or a device.
+pub fn check_is_regular(metadata: &Metadata) -> io::Result<()> {
     if metadata.is_file() {
         return Ok(());
     }

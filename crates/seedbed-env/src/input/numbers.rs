@@ -33,7 +33,10 @@ macro_rules! ranged_number {
 
             fn try_from(value: f64) -> Result<Self, String> {
                 let is_in_range: fn(f64) -> bool = $is_in_range;
-                if !value.is_finite() || !is_in_range(value) {
+                if !value.is_finite() && is_in_range(value) {
+                    return Err(format!("expected a finite number, found {value:?}"));
+                }
+                if !is_in_range(value) {
                     return Err(format!(concat!("expected ", $expected, ", found {:?}"), value));
                 }
                 // Physics and learning run in single precision.
