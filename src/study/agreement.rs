@@ -5,6 +5,7 @@
 use std::collections::HashSet;
 
 use super::file::Study;
+use super::former_digests::FormerDigests;
 use super::plan::StudyPlan;
 use super::results::Results;
 use super::store::{Manifest, ManifestCell};
@@ -14,8 +15,12 @@ use crate::text::pluralize;
 /// stop; empty if it does not.
 #[must_use]
 pub fn differences(plan: &StudyPlan, results: &Results) -> Vec<String> {
+    let former = match FormerDigests::beside(&plan.path) {
+        Ok(former) => former,
+        Err(error) => return vec![error.to_string()],
+    };
     let (expected, described) = (Manifest::of(plan), &results.manifest);
-    let mut differences = differences_of_cells(&expected.cells, &described.cells);
+    let mut differences = differences_of_cells(&expected.cells, &described.cells, &former);
     differences.extend(differences_of_run_seeds(&expected, described));
     differences.extend(differences_of_claims(plan.study(), &results.study));
     if differences.is_empty() && values(plan.study()) != values(&results.study) {
@@ -47,7 +52,11 @@ pub fn runs_without_source(plan: &StudyPlan, results: &Results) -> Vec<(String, 
     found
 }
 
-fn differences_of_cells(expected: &[ManifestCell], described: &[ManifestCell]) -> Vec<String> {
+fn differences_of_cells(
+    expected: &[ManifestCell],
+    described: &[ManifestCell],
+    former: &FormerDigests,
+) -> Vec<String> {
     let has = |cells: &[ManifestCell], name: &str| cells.iter().any(|cell| cell.name == name);
     let mut differences = Vec::new();
     for cell in expected {
@@ -56,7 +65,7 @@ fn differences_of_cells(expected: &[ManifestCell], described: &[ManifestCell]) -
             Some(_) if of_name.next().is_some() => {
                 differences.push(format!("there are two cells `{}`", cell.name));
             }
-            Some(other) => differences.extend(difference_of_cell(cell, other)),
+            Some(other) => differences.extend(difference_of_cell(cell, other, former)),
             None => differences.push(format!("the cell `{}` is missing", cell.name)),
         }
     }
@@ -65,8 +74,12 @@ fn differences_of_cells(expected: &[ManifestCell], described: &[ManifestCell]) -
     differences
 }
 
-fn difference_of_cell(expected: &ManifestCell, described: &ManifestCell) -> Option<String> {
-    if !has_same_settings(expected, described) {
+fn difference_of_cell(
+    expected: &ManifestCell,
+    described: &ManifestCell,
+    former: &FormerDigests,
+) -> Option<String> {
+    if !former.are_same(&expected.digest, &described.digest) {
         let name = &expected.name;
         return Some(format!(
             "the scenario, the task or the settings of cell `{name}` are others"
@@ -76,20 +89,12 @@ fn difference_of_cell(expected: &ManifestCell, described: &ManifestCell) -> Opti
     (!is_same).then(|| format!("the description of cell `{}` was changed", expected.name))
 }
 
-/// Whether the runs of a cell depend on the same settings. The only place that compares the digests of
-/// results with those of a study.
-fn has_same_settings(expected: &ManifestCell, described: &ManifestCell) -> bool {
-    let has_same_hash = described.sha256.is_none() || described.sha256 == expected.sha256;
-    described.digest == expected.digest && has_same_hash
-}
-
 /// What a description says of a cell besides its hashes, without paths, which depend on the working
 /// directory, and without what follows from files of others, which may be gone.
 fn comparable(cell: &ManifestCell) -> ManifestCell {
     let is_of_others = cell.external.is_some();
     ManifestCell {
         digest: String::new(),
-        sha256: None,
         scenario: String::new(),
         agents: if is_of_others { 0 } else { cell.agents },
         max_episodes: if is_of_others { 0 } else { cell.max_episodes },

@@ -1,7 +1,7 @@
 //! Digests of cells in locks of earlier versions, which were hashes of printed settings.
 //!
 //! A lock cannot be changed, because run seeds are derived from it. What its digests are called today is written in a
-//! file beside it.
+//! file beside it, which also explains published results.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -38,6 +38,12 @@ impl FormerDigests {
             ))
         })?;
         Ok(Self { by_digest })
+    }
+
+    /// Whether `written`, in results or in a lock, is the digest of today or the former one.
+    pub(super) fn are_same(&self, digest: &str, written: &str) -> bool {
+        let former = self.by_digest.get(digest);
+        written == digest || former.is_some_and(|former| written == former)
     }
 
     /// Path of the file of a study, such as `fig_6_1.ron.digests`.
@@ -98,5 +104,14 @@ mod tests {
             error.contains("the settings of cell `own draws` were changed"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn temporary_print() {
+        let path = Path::new("scenarios/known_tasks/learning.ron");
+        let plan = StudyPlan::load_before_results(path, false).unwrap();
+        for cell in &plan.cells {
+            println!("CELL\t{}\t{}", cell.name, cell.digest);
+        }
     }
 }
