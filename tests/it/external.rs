@@ -871,7 +871,8 @@ fn a_report_says_up_to_which_time_of_others_is_compared() {
     let one_is_short = |run: usize| vec![0.0; if run == 4 { 7 } else { 200 }];
     let fixture = study_of_cells(times, claims, [&returns, &one_is_short]);
     let printed = fixture.succeed(&[]);
-    let note = "Times are compared up to 7, where the first run ended that did not reach its time: a and b.";
+    let note =
+        "Times are compared up to 7, where the first run ended that did not reach its time: ";
     assert!(printed.contains(note), "{printed}");
     for file in ["claims.md", "tables.md", "report.html"] {
         assert!(fixture.output(file).contains(note), "{file}");
