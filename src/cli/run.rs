@@ -301,33 +301,44 @@ fn command_without_recording() -> String {
 /// Locks the output directory for this process, and clears it unless the run is resumed. An error
 /// if a run would be overwritten without `--overwrite`.
 fn prepare_output_folder(args: &RunArgs, folder: &RunFolder) -> Result<FileLock, CliError> {
-    let path = folder.path().display();
     let elsewhere = if args.out.is_some() {
         "another --out"
     } else {
         "another --seed or --out"
     };
     let contents = folder.contents();
-    // A run that has just begun has no checkpoint yet.
-    let has_begun = contents == Contents::RunWithoutCheckpoint && matches!(folder.lock(), Ok(None));
-    if !has_begun && let Some(refusal) = refusal(args, contents, &path.to_string(), elsewhere) {
+    let path = folder.path().display().to_string();
+    // First, since a run that has just begun has no checkpoint yet.
+    let begun = (contents == Contents::RunWithoutCheckpoint).then(|| lock(folder, elsewhere));
+    let begun = begun.transpose()?;
+    if let Some(refusal) = refusal(args, contents, &path, elsewhere) {
         return Err(CliError::Usage(refusal));
     }
-    let write_error =
-        |error: std::io::Error| CliError::Runtime(format!("cannot write to {path}: {error}"));
-    let lock = folder.lock().map_err(write_error)?;
-    let lock = lock.ok_or_else(|| {
-        CliError::Usage(format!(
-            "another seedbed process is writing to {path}; choose {elsewhere}"
-        ))
-    })?;
+    let lock = begun.map_or_else(|| lock(folder, elsewhere), Ok)?;
     if !lock.is_effective() {
         note!("{}", warning_without_locks(folder.path()));
     }
     if !args.resume && contents != Contents::Nothing {
-        folder.clear().map_err(write_error)?;
+        let cleared = folder.clear();
+        cleared.map_err(|error| cannot_write_to(&path, &error))?;
     }
     Ok(lock)
+}
+
+/// Locks an output directory for this process.
+fn lock(folder: &RunFolder, elsewhere: &str) -> Result<FileLock, CliError> {
+    let path = folder.path().display().to_string();
+    let lock = folder.lock();
+    let lock = lock.map_err(|error| cannot_write_to(&path, &error))?;
+    lock.ok_or_else(|| {
+        CliError::Usage(format!(
+            "another seedbed process is writing to {path}; choose {elsewhere}"
+        ))
+    })
+}
+
+fn cannot_write_to(path: &str, error: &std::io::Error) -> CliError {
+    CliError::Runtime(format!("cannot write to {path}: {error}"))
 }
 
 /// Why the run must not write to the directory `path` with these contents; `None` if it may.

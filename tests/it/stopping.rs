@@ -386,7 +386,7 @@ fn damaged_checkpoints_are_refused() {
         let evaluation = seedbed(&["evaluate", path.to_str().unwrap()]);
         for output in [resume(), evaluation] {
             let errors = stderr(&output);
-            assert_eq!(output.status.code(), Some(1), "{position}: {errors}");
+            assert_eq!(output.status.code(), Some(2), "{position}: {errors}");
             assert!(output.stdout.is_empty(), "{position}: no results");
             assert!(errors.contains("state.bin: "), "{position}: {errors}");
             assert!(
