@@ -272,10 +272,11 @@ fn state_file_results(folder: &RunFolder) -> Result<Results, String> {
 fn add_episodes(results: &mut Results, rows: &[EpisodeRow]) {
     let last_agent = rows.iter().map(|row| u64::from(row.agent) + 1).max();
     results.agents = results.agents.or(last_agent);
-    let returns = team_returns(rows, results.agents.unwrap_or(0) as usize);
+    let agents = results.agents.unwrap_or(0) as usize;
+    let returns = team_returns(rows, agents);
     results.episodes_per_agent = Some(returns.len() as u64);
     results.env_steps = Some(rows.last().map_or(0, |row| row.env_steps));
-    results.final_return = final_return(&returns_of_agents(rows, agents as usize), &returns);
+    results.final_return = final_return(&returns_of_agents(rows, agents), &returns);
     results.effective_agents = rows.last().map(|row| row.effective_agents);
 }
 

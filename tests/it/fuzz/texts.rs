@@ -11,7 +11,7 @@ use seedbed::scenario::overrides;
 use seedbed::study::plan::StudyPlan;
 use seedbed::study::tuning::plan::{TuningError, TuningFile};
 use seedbed::tabular::scenario::TabularScenario;
-use seedbed_env::expression::{Evaluator, Program, Type, ValueTable, Variable, compile};
+use seedbed_env::expression::{Evaluator, Previous, Program, Type, ValueTable, Variable, compile};
 use seedbed_env::input::{self, Document, FileKind, InputError};
 use seedbed_env::random::Stream;
 
@@ -179,7 +179,11 @@ pub(super) fn formulas(folder: &Path) -> Box<dyn Target> {
     let variable = |(column, name): (usize, &&str)| Variable {
         name: (*name).to_owned(),
         column,
-        previous: (column < 2).then_some(names.len() + column),
+        previous: if column < 2 {
+            Previous::Column(names.len() + column)
+        } else {
+            Previous::Nowhere
+        },
     };
     let mut table = ValueTable::new(names.len() + 2, COPIES);
     let values = [0.0, -1.5, 1e30, f32::INFINITY, f32::NAN, 1e-45, f32::MAX];
