@@ -4,6 +4,7 @@
 
 use std::collections::HashSet;
 
+use super::external::ExternalCell;
 use super::file::Study;
 use super::former_digests::FormerDigests;
 use super::plan::StudyPlan;
@@ -98,7 +99,7 @@ fn comparable(cell: &ManifestCell) -> ManifestCell {
         scenario: String::new(),
         agents: if is_of_others { 0 } else { cell.agents },
         max_episodes: if is_of_others { 0 } else { cell.max_episodes },
-        external: cell.external.as_ref().map(|_| Default::default()),
+        external: cell.external.as_ref().map(|_| ExternalCell::default()),
         ..cell.clone()
     }
 }
