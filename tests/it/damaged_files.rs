@@ -415,7 +415,13 @@ fn check_state_files(bytes: Bytes) {
     let summary = r#"{"scenario":"walk","environment":"Walk-v0","agents":2,"final_return":1.1}"#;
     fs::write(folder.path().join("summary.json"), summary).unwrap();
     let used = flip_bits(folder.path(), &READERS_OF_RUNS[2..], bytes);
-    assert_eq!(used, ["states/agent_0.states", "states/agent_1.states"]);
+    let expected = [
+        "states/agent_0.states",
+        "states/agent_1.states",
+        // The number of episodes.
+        "summary.json",
+    ];
+    assert_eq!(used, expected);
 }
 
 /// A small registered study with its results, in a folder.

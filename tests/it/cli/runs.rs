@@ -91,7 +91,9 @@ fn the_final_return_is_that_of_the_last_episodes_of_each_agent() {
     let inspected = json(&["inspect", path, "--json"]);
     let summary = std::fs::read_to_string(run.join("summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
-    std::fs::remove_file(run.join("summary.json")).unwrap();
+    for file in ["summary.json", "SHA256SUMS"] {
+        std::fs::remove_file(run.join(file)).unwrap();
+    }
     let unfinished = json(&["runs", path, "--json"]);
     for found in [&inspected, &summary, &unfinished[0]] {
         let found = found["final_return"].as_f64().unwrap();
