@@ -105,13 +105,4 @@ mod tests {
             "{error}"
         );
     }
-
-    #[test]
-    fn temporary_print() {
-        let path = Path::new("scenarios/known_tasks/learning.ron");
-        let plan = StudyPlan::load_before_results(path, false).unwrap();
-        for cell in &plan.cells {
-            println!("CELL\t{}\t{}", cell.name, cell.digest);
-        }
-    }
 }
