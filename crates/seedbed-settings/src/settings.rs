@@ -209,11 +209,14 @@ impl<F: FnMut(&str) -> bool> Shortened<F> {
         match &mut node.value {
             Value::Scalar(_) | Value::Text(_) => {}
             Value::List(items) | Value::Tuple { items, .. } => {
-                items.iter_mut().for_each(|item| self.remove_defaults(item));
+                for item in items {
+                    self.remove_defaults(item);
+                }
             }
             Value::Map(entries) => {
-                let values = entries.iter_mut().map(|(_, value)| value);
-                values.for_each(|value| self.remove_defaults(value));
+                for (_, value) in entries {
+                    self.remove_defaults(value);
+                }
             }
             Value::Record { fields, .. } => {
                 fields.retain_mut(|field| {
