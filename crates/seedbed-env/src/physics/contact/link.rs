@@ -1,8 +1,6 @@
 //! Joints of tasks with contacts, as links of Rapier's multibodies; free bodies; and how controls
 //! act on both.
 
-use std::f64::consts::TAU;
-
 use rapier2d::prelude::{
     MultibodyJoint, MultibodyJointHandle, MultibodyJointSet, RigidBody, RigidBodyHandle,
     RigidBodySet, Vector,
@@ -12,7 +10,7 @@ use super::super::constraint::{HINGE_AXIS, set_motor_target};
 use super::super::vector;
 use super::build::WorldTemplate;
 use super::joint_group::{JointGroup, RapierCoordinate};
-use crate::description::{BodyTask, Drive, Joint, PassiveForces, ServoTarget};
+use crate::description::{BodyTask, Drive, PassiveForces, ServoTarget};
 use crate::kinematics::{Frame, Motion};
 
 /// A joint of the task: a coordinate of a multibody joint.
@@ -26,54 +24,8 @@ pub(super) struct Link {
     motion: Motion,
     /// The coordinate of Rapier's joint; a weld has none.
     coordinate: Option<RapierCoordinate>,
-    range: Option<[f32; 2]>,
-    /// `None` if the ends of the range are hard.
-    soft_end: Option<SoftEnd>,
-}
-
-/// How Rapier's velocity of a joint that is beyond a soft end differs from that at which the joint moves. In
-/// each substep Rapier moves the joint with a correction that it then takes out of the velocity again.
-#[derive(Clone, Copy)]
-struct SoftEnd {
-    /// Speed of the correction per depth, 1/s.
-    rate: f32,
-    /// Share of an inward velocity that the end leaves: c / (1 + c), see
-    /// [`range_spring`](super::joint_group).
-    share: f32,
-}
-
-impl SoftEnd {
-    fn new(joint: &Joint, task: &BodyTask) -> Option<Self> {
-        // Without worlds of their own, copies are here for single steps, which go on with Rapier's velocity.
-        let softness = joint.range_softness.filter(|_| task.needs_own_worlds())?;
-        let frequency = TAU * softness.natural_frequency;
-        let rate = frequency / (2.0 * softness.damping_ratio);
-        let compliance = rate / (task.substep() * frequency * frequency);
-        Some(Self {
-            rate: rate as f32,
-            share: (compliance / (1.0 + compliance)) as f32,
-        })
-    }
-
-    /// The outward velocity at which a joint moves, from Rapier's.
-    fn motion(self, velocity: f32, depth: f32) -> f32 {
-        let correction = self.rate * depth;
-        if velocity >= 0.0 {
-            velocity - correction
-        } else {
-            velocity.min(self.share * velocity - correction)
-        }
-    }
-
-    /// The inverse of [`motion`](Self::motion).
-    fn rapier_velocity(self, motion: f32, depth: f32) -> f32 {
-        let velocity = motion + self.rate * depth;
-        if velocity >= 0.0 {
-            velocity
-        } else {
-            motion.max(velocity / self.share)
-        }
-    }
+    /// The range, if its ends are hard.
+    hard_range: Option<[f32; 2]>,
 }
 
 /// A free body.
@@ -120,8 +72,10 @@ impl Link {
             anchor_in_child: vector(group.anchor().anchor_in_child) - vector(com),
             motion: group.links[place].motion,
             coordinate: group.coordinates()[place],
-            range: joint.range.map(|range| range.map(|end| end as f32)),
-            soft_end: SoftEnd::new(joint, task),
+            hard_range: joint
+                .range
+                .filter(|_| joint.range_softness.is_none())
+                .map(|range| range.map(|end| end as f32)),
         }
     }
 
@@ -180,7 +134,6 @@ impl Link {
         displacement[dof] = sign * position;
         link.joint.apply_displacement(&displacement);
         let dof = link.assembly_id() + dof;
-        let velocity = self.rapier_velocity(position, velocity);
         multibody.generalized_velocity_mut()[dof] = sign * velocity;
     }
 
@@ -204,22 +157,9 @@ impl Link {
     /// substep after it has passed an end, and at once lets go of one that is back there: a joint
     /// that is pressed on an end passes it in every other substep.
     fn velocity_in_range(&self, position: f32, velocity: f32) -> f32 {
-        match (self.range, self.soft_end) {
-            (Some([low, _]), None) if position < low => velocity.max(0.0),
-            (Some([_, high]), None) if position > high => velocity.min(0.0),
-            (Some(range), Some(end)) => at_end(range, position, velocity, |outward, depth| {
-                end.motion(outward, depth)
-            }),
-            _ => velocity,
-        }
-    }
-
-    /// Rapier's velocity of a joint that moves at this velocity.
-    fn rapier_velocity(&self, position: f32, velocity: f32) -> f32 {
-        match (self.range, self.soft_end) {
-            (Some(range), Some(end)) => at_end(range, position, velocity, |outward, depth| {
-                end.rapier_velocity(outward, depth)
-            }),
+        match self.hard_range {
+            Some([low, _]) if position < low => velocity.max(0.0),
+            Some([_, high]) if position > high => velocity.min(0.0),
             _ => velocity,
         }
     }
@@ -246,22 +186,6 @@ impl Link {
                 }
             }
         }
-    }
-}
-
-/// A velocity, changed as an outward one at this depth if the position is beyond an end.
-fn at_end(
-    [low, high]: [f32; 2],
-    position: f32,
-    velocity: f32,
-    change: impl Fn(f32, f32) -> f32,
-) -> f32 {
-    if position > high {
-        change(velocity, position - high)
-    } else if position < low {
-        -change(-velocity, low - position)
-    } else {
-        velocity
     }
 }
 
