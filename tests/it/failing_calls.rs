@@ -102,22 +102,23 @@ impl Shim {
         text.lines().map(str::to_owned).collect()
     }
 
-    /// Runs a command, with something happening at the call `number`, from 1. Also says whether the
-    /// command came to this call: how many there are depends on the time that it takes.
+    /// Runs a command, with something happening at the call `number`, from 1. Also returns this call, which
+    /// need not be that of another execution, and `None` if the command did not come to it: which calls there
+    /// are depends on the time that it takes.
     fn disturb(
         &self,
         command: Command,
         folder: &Path,
         number: usize,
         action: Action,
-    ) -> (Output, bool) {
+    ) -> (Output, Option<String>) {
         let report = tempfile::NamedTempFile::new().unwrap();
         let mut command = self.precede(command, folder);
         command.env("SHIM_AT", number.to_string());
         command.env("SHIM_REPORT", report.path());
         let output = command.env("SHIM_ACTION", action.word()).output().unwrap();
         let calls = fs::read_to_string(report.path()).unwrap();
-        (output, calls.lines().count() >= number)
+        (output, calls.lines().nth(number - 1).map(str::to_owned))
     }
 }
 
@@ -206,12 +207,13 @@ impl Experiment {
         place: &str,
     ) -> bool {
         (self.prepare)(path);
-        let (output, is_disturbed) = shim.disturb((self.command)(path), path, number, action);
-        if !is_disturbed {
+        let (output, call) = shim.disturb((self.command)(path), path, number, action);
+        let Some(call) = call else {
             assert!(output.status.success(), "{place}: {}", stderr(&output));
             (self.compare)(whole, path);
             return false;
-        }
+        };
+        let place = &format!("{action:?} at call {number}: {call}");
         if action.kills() {
             assert_eq!(
                 output.status.signal(),

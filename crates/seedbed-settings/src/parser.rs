@@ -1,12 +1,22 @@
 //! Reads RON texts: `value := scalar | text | name | name? '(' fields | items ')' | '[' items ']' | '{' entries '}'`.
 
-use super::tree::{Field, Malformed, Node, Value};
+use super::tree::{Field, Malformed, Node, Tree, Value};
 
 /// Largest number of brackets within each other.
 const MAX_DEPTH: usize = 256;
 
+impl Tree {
+    /// Reads a RON text.
+    ///
+    /// # Errors
+    /// The text is no RON.
+    pub fn parse(text: &str) -> Result<Self, Malformed> {
+        parse(text).map(|root| Self { root })
+    }
+}
+
 /// Reads a text that is one value.
-pub(super) fn parse(text: &str) -> Result<Node, Malformed> {
+fn parse(text: &str) -> Result<Node, Malformed> {
     let mut parser = Parser {
         text,
         at: 0,

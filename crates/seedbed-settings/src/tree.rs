@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use super::parser;
-
 /// A RON text as a tree.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tree {
@@ -66,16 +64,6 @@ pub struct Malformed {
     pub at: usize,
     /// What was expected there.
     pub expected: &'static str,
-}
-
-impl Tree {
-    /// Reads a RON text.
-    ///
-    /// # Errors
-    /// The text is no RON.
-    pub fn parse(text: &str) -> Result<Self, Malformed> {
-        parser::parse(text).map(|root| Self { root })
-    }
 }
 
 impl Node {
