@@ -245,29 +245,27 @@ pub(super) fn deserialize<T: DeserializeOwned>(
 
 /// What a text is, without an explanation of what is wrong in it.
 pub(super) fn deserialize_silently<T: DeserializeOwned>(text: &str) -> Option<T> {
-    options().from_str(text).ok()
-}
-
-fn options() -> ron::Options {
-    ron::Options::default()
-        .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES)
-        .with_recursion_limit(MAX_NESTING)
+    read(text).ok()
 }
 
 fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, InputError> {
-    let options = options();
-    let located = |spanned: &ron::error::SpannedError, field: String| {
-        located_error(origin, text, spanned, field)
-    };
+    read(text).map_err(|(spanned, field)| located_error(origin, text, &spanned, field))
+}
+
+/// Reads a text. An error has the path of the field that is wrong.
+fn read<T: DeserializeOwned>(text: &str) -> Result<T, (ron::error::SpannedError, String)> {
+    let options = ron::Options::default()
+        .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES)
+        .with_recursion_limit(MAX_NESTING);
     let mut deserializer = ron::Deserializer::from_str_with_options(text, &options)
-        .map_err(|spanned| located(&spanned, String::new()))?;
+        .map_err(|spanned| (spanned, String::new()))?;
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let field = field_path(error.path());
-        located(&deserializer.span_error(error.into_inner()), field)
+        (deserializer.span_error(error.into_inner()), field)
     })?;
     deserializer
         .end()
-        .map_err(|error| located(&deserializer.span_error(error), String::new()))?;
+        .map_err(|error| (deserializer.span_error(error), String::new()))?;
     Ok(value)
 }
 
