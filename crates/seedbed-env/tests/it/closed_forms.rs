@@ -129,7 +129,7 @@ fn flat_faces_of_two_bodies_bounce() {
     }
 }
 
-/// A box with restitution that has bounced comes to rest on its face, and stays there.
+/// A box with restitution that has bounced lies on its face in the end, without moving.
 #[test]
 fn a_bouncing_box_comes_to_rest() {
     let fields = r#"gravity: (0.0, -9.8), colliders: [(geom: HalfSpace(normal: (0.0, 1.0)))],
