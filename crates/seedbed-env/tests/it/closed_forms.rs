@@ -196,6 +196,67 @@ fn soft_ends_of_hinges_hold_loads_at_any_damping_ratio() {
     }
 }
 
+/// A joint on a soft end, at which a load changes like a wave: its velocity is the rate of its position. Under a
+/// lasting load it is 0, also if an episode starts there.
+#[test]
+fn velocities_on_soft_ends_are_rates_of_positions() {
+    for (kind, damping_ratio) in [
+        ("Hinge()", 1.0),
+        ("Hinge(positive: Clockwise)", 0.2),
+        ("Slide(axis: (0.0, 1.0))", 3.0),
+    ] {
+        let fields = |force: &str| {
+            format!(
+                r#"control_step: 0.005, colliders: [(geom: Ball(center: (99.0, 0.0), radius: 1.0))],
+                bodies: [(name: "a", mass: 2.0, inertia: 2.0), (name: "clock", mass: 1.0, inertia: 1.0)],
+                joints: [
+                    (name: "x", parent: "world", child: "a", type: {kind}, force: "{force}", range: (-1.0, 1.0),
+                        range_softness: (natural_frequency: 2.0, damping_ratio: {damping_ratio:?})),
+                    (name: "t", parent: "world", child: "clock", type: Slide(axis: (1.0, 0.0))),
+                ],
+                sensors: [(name: "time", type: JointPosition("t"))],"#
+            )
+        };
+        let mut joint = started(
+            &fields("-40 - 60 * sin(3 * time)"),
+            &[("x", -1.0)],
+            &[("t", 1.0)],
+        );
+        let mut states = Vec::new();
+        for _ in 0..1000 {
+            run(&mut *joint, 1);
+            states.push(state(&*joint, "x"));
+        }
+        let on_end = states.windows(3).filter(|window| window[1].0 < -1.02);
+        let errors: Vec<_> = on_end
+            .map(|window| (window[2].0 - window[0].0) / 0.01 - window[1].1)
+            .collect();
+        let mean = errors.iter().map(|error| error.abs()).sum::<f64>() / errors.len() as f64;
+        // The velocity is that of the last of four substeps: half of one earlier, at up to 50 per s².
+        assert!(
+            errors.len() > 300 && mean < 0.035,
+            "{kind}: {mean}, {} steps",
+            errors.len()
+        );
+        let mut still = started(&fields("-10"), &[("x", -1.0)], &[]);
+        run(&mut *still, 4000);
+        let (position, rate) = state(&*still, "x");
+        assert!(
+            position < -1.03 && rate.abs() < 1e-4,
+            "{kind}: {position} at {rate}"
+        );
+        let mut again = started(&fields("-10"), &[("x", position)], &[("x", rate)]);
+        for _ in 0..10 {
+            run(&mut *again, 1);
+            let (now, rate) = state(&*again, "x");
+            assert!(
+                (now - position).abs() < 1e-5 && rate.abs() < 1e-3,
+                "{kind}: {now} at {rate}"
+            );
+        }
+    }
+}
+
 /// A damped spring of ω, ζ that is hit at v yields by v / ω exp(−ζ φ / s) with s = √(1 − ζ²), tan φ = s / ζ.
 #[test]
 fn soft_ends_of_slides_stop_any_speed() {

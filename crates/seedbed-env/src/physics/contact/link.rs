@@ -1,16 +1,18 @@
 //! Joints of tasks with contacts, as links of Rapier's multibodies; free bodies; and how controls
 //! act on both.
 
+use std::f64::consts::TAU;
+
 use rapier2d::prelude::{
-    MultibodyJoint, MultibodyJointHandle, MultibodyJointSet, RigidBody, RigidBodyHandle,
-    RigidBodySet, Vector,
+    IntegrationParameters, MultibodyJoint, MultibodyJointHandle, MultibodyJointSet, RigidBody,
+    RigidBodyHandle, RigidBodySet, Vector,
 };
 
 use super::super::constraint::{HINGE_AXIS, set_motor_target};
 use super::super::vector;
 use super::build::WorldTemplate;
 use super::joint_group::{JointGroup, RapierCoordinate};
-use crate::description::{BodyTask, Drive, PassiveForces, ServoTarget};
+use crate::description::{BodyTask, Drive, Joint, PassiveForces, ServoTarget, Softness};
 use crate::kinematics::{Frame, Motion};
 
 /// A joint of the task: a coordinate of a multibody joint.
@@ -24,8 +26,70 @@ pub(super) struct Link {
     motion: Motion,
     /// The coordinate of Rapier's joint; a weld has none.
     coordinate: Option<RapierCoordinate>,
-    /// The range, if its ends are hard.
-    hard_range: Option<[f32; 2]>,
+    ends: Ends,
+}
+
+/// The ends of a joint's range, as far as Rapier's velocity of a joint beyond one is not that at which it moves.
+#[derive(Clone, Copy)]
+enum Ends {
+    /// There are none, or the velocity is Rapier's.
+    None,
+    Hard([f32; 2]),
+    Soft([f32; 2], SoftEnd),
+}
+
+impl Ends {
+    fn new(joint: &Joint, task: &BodyTask) -> Self {
+        let range = joint.range.map(|range| range.map(|end| end as f32));
+        match (range, joint.range_softness) {
+            (Some(range), None) => Self::Hard(range),
+            // Without worlds of their own, copies are here for single steps, which go on with Rapier's velocity.
+            (Some(range), Some(softness)) if task.needs_own_worlds() => {
+                Self::Soft(range, SoftEnd::new(softness, task))
+            }
+            _ => Self::None,
+        }
+    }
+}
+
+/// How a soft end moves a joint that is beyond it. In each substep, Rapier moves the joint with a correction
+/// that it then takes out of the velocity again, so that its velocity is not that at which the joint moves.
+#[derive(Clone, Copy)]
+struct SoftEnd {
+    /// Speed of the correction per depth, 1/s.
+    rate: f32,
+    /// Share of an inward velocity that the end leaves: c / (1 + c), see
+    /// [`range_spring`](super::joint_group).
+    share: f32,
+}
+
+impl SoftEnd {
+    fn new(softness: Softness, task: &BodyTask) -> Self {
+        let frequency = TAU * softness.natural_frequency;
+        let rate = frequency / (2.0 * softness.damping_ratio);
+        let compliance = rate / (task.substep() * frequency * frequency);
+        Self {
+            rate: rate as f32,
+            share: (compliance / (1.0 + compliance)) as f32,
+        }
+    }
+
+    /// Rapier's velocity of a joint that moves outward at `velocity` at this depth, if nothing else corrects it.
+    fn rapier_velocity(self, velocity: f32, depth: f32) -> f32 {
+        let outward = velocity + self.rate * depth;
+        if outward >= 0.0 {
+            outward
+        } else {
+            velocity.max(outward / self.share)
+        }
+    }
+}
+
+/// Position and velocity of a joint as Rapier has them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LinkState {
+    position: f32,
+    velocity: f32,
 }
 
 /// A free body.
@@ -72,10 +136,7 @@ impl Link {
             anchor_in_child: vector(group.anchor().anchor_in_child) - vector(com),
             motion: group.links[place].motion,
             coordinate: group.coordinates()[place],
-            hard_range: joint
-                .range
-                .filter(|_| joint.range_softness.is_none())
-                .map(|range| range.map(|end| end as f32)),
+            ends: Ends::new(joint, task),
         }
     }
 
@@ -134,34 +195,65 @@ impl Link {
         displacement[dof] = sign * position;
         link.joint.apply_displacement(&displacement);
         let dof = link.assembly_id() + dof;
+        let velocity = self.rapier_velocity(position, velocity);
         multibody.generalized_velocity_mut()[dof] = sign * velocity;
     }
 
-    /// Position and velocity of the joint's coordinate.
-    pub(super) fn read(&self, joints: &MultibodyJointSet) -> (f32, f32) {
+    /// Rapier's velocity of a joint that moves at this velocity.
+    fn rapier_velocity(&self, position: f32, velocity: f32) -> f32 {
+        match self.ends {
+            Ends::Soft([_, high], end) if position > high => {
+                end.rapier_velocity(velocity, position - high)
+            }
+            Ends::Soft([low, _], end) if position < low => {
+                -end.rapier_velocity(-velocity, low - position)
+            }
+            _ => velocity,
+        }
+    }
+
+    /// Whether [`read`](Self::read) needs the state before the latest step of Rapier.
+    pub(super) fn has_soft_end(&self) -> bool {
+        matches!(self.ends, Ends::Soft(..))
+    }
+
+    pub(super) fn state(&self, joints: &MultibodyJointSet) -> LinkState {
         let Some(RapierCoordinate { axis, sign, dof }) = self.coordinate else {
-            return (0.0, 0.0);
+            return LinkState::default();
         };
         let link = joints
             .get(self.handle)
             .and_then(|(multibody, id)| Some((multibody, multibody.link(id)?)));
         let Some((multibody, link)) = link else {
-            return (0.0, 0.0);
+            return LinkState::default();
         };
-        let position = sign * link.joint().coords()[axis as usize];
-        let velocity = sign * multibody.generalized_velocity()[link.assembly_id() + dof];
-        (position, self.velocity_in_range(position, velocity))
+        LinkState {
+            position: sign * link.joint().coords()[axis as usize],
+            velocity: sign * multibody.generalized_velocity()[link.assembly_id() + dof],
+        }
     }
 
-    /// The velocity of a joint, which does not move out of a range with hard ends. Rapier stops a joint one
-    /// substep after it has passed an end, and at once lets go of one that is back there: a joint
-    /// that is pressed on an end passes it in every other substep.
-    fn velocity_in_range(&self, position: f32, velocity: f32) -> f32 {
-        match self.hard_range {
-            Some([low, _]) if position < low => velocity.max(0.0),
-            Some([_, high]) if position > high => velocity.min(0.0),
-            _ => velocity,
-        }
+    /// Position and velocity of the joint's coordinate. `before`: the state before the latest step of Rapier.
+    ///
+    /// A joint does not move out of a range with hard ends: Rapier stops it one substep after it has passed an end,
+    /// and at once lets go of one that is back there, so that a joint that is pressed on an end passes it in
+    /// every other substep.
+    pub(super) fn read(
+        &self,
+        before: LinkState,
+        parameters: &IntegrationParameters,
+        joints: &MultibodyJointSet,
+    ) -> (f32, f32) {
+        let now = self.state(joints);
+        let velocity = match self.ends {
+            Ends::Hard([low, _]) if now.position < low => now.velocity.max(0.0),
+            Ends::Hard([_, high]) if now.position > high => now.velocity.min(0.0),
+            Ends::Soft([low, high], _) if now.position < low || now.position > high => {
+                velocity_of_motion(before, now, parameters)
+            }
+            _ => now.velocity,
+        };
+        (now.position, velocity)
     }
 
     /// Adds a force (N) or torque (N m) along the coordinate, and its reaction on the parent.
@@ -187,6 +279,18 @@ impl Link {
             }
         }
     }
+}
+
+/// The velocity at which a joint moves in the last substep of a step of Rapier. What corrections have added to the
+/// mean over all substeps, between whose velocities Rapier's changes evenly, they add to the last as well.
+fn velocity_of_motion(
+    before: LinkState,
+    now: LinkState,
+    parameters: &IntegrationParameters,
+) -> f32 {
+    let substeps = parameters.num_solver_iterations as f32;
+    let mean = (now.position - before.position) / parameters.dt;
+    mean + (now.velocity - before.velocity) * ((substeps - 1.0) / (2.0 * substeps))
 }
 
 impl Root {

@@ -13,7 +13,7 @@ use super::super::turns::MAX_TURN_PER_SUBSTEP;
 use super::super::vector;
 use super::bounce::FlatImpacts;
 use super::build::WorldTemplate;
-use super::link::Root;
+use super::link::{LinkState, Root};
 use super::passage::Suspect;
 use crate::dynamics::{CoordinateColumns, Passage};
 use crate::kinematics::Frame;
@@ -31,6 +31,9 @@ pub(super) struct World {
     /// How far free bodies have turned in the latest control step: `[free bodies]`.
     #[serde(skip)]
     turns: Vec<FreeTurn>,
+    /// States of joints with soft ends before the latest step of Rapier: `[joints]`.
+    #[serde(skip)]
+    links_before: Vec<LinkState>,
     /// Whether the copy is live.
     pub(super) live: bool,
     /// The first surface that was passed in the latest step.
@@ -93,6 +96,7 @@ impl World {
             simulation: world,
             terrains: Vec::new(),
             turns: Vec::new(),
+            links_before: Vec::new(),
             live: false,
             passage: None,
             suspect: None,
@@ -226,9 +230,12 @@ impl World {
         // A restored world has none.
         self.surfaces_before
             .resize(template.collider_handles.len(), (Pose::IDENTITY, 0.0));
+        self.links_before
+            .resize(template.links.len(), LinkState::default());
         for _ in 0..template.steps {
             self.apply_controls(template, copy, controls, copies);
             self.begin_turns(template);
+            self.begin_links(template);
             watch.begin(&self.simulation.bodies, &mut self.surfaces_before);
             // Rapier's limits of motors panic where coordinates are not finite.
             if caught_panic(|| self.simulation.step_with_events(&FlatImpacts, &())).is_err() {
@@ -258,6 +265,15 @@ impl World {
     fn begin_turns(&mut self, template: &WorldTemplate) {
         for (root, turn) in template.roots.iter().zip(&mut self.turns) {
             turn.spin = self.simulation.bodies[template.handles[root.body]].angvel();
+        }
+    }
+
+    fn begin_links(&mut self, template: &WorldTemplate) {
+        let joints = &self.simulation.multibody_joints;
+        for (link, state) in template.links.iter().zip(&mut self.links_before) {
+            if link.has_soft_end() {
+                *state = link.state(joints);
+            }
         }
     }
 
@@ -310,8 +326,10 @@ impl World {
         copy: usize,
         columns: &mut CoordinateColumns,
     ) {
+        let joints = &self.simulation.multibody_joints;
         for (index, link) in template.links.iter().enumerate() {
-            let (position, velocity) = link.read(&self.simulation.multibody_joints);
+            let (position, velocity) =
+                link.read(self.links_before[index], &template.parameters, joints);
             columns.set(index, copy, position, velocity);
         }
         for (index, root) in template.roots.iter().enumerate() {
