@@ -8,8 +8,8 @@ use std::path::Path;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rand::RngExt;
 use seedbed_env::expression::{Evaluator, Previous, Type, ValueTable, Variable, compile};
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Action, Choice, Physics, Status, TaskDescription, build, build_dynamics, load};
+use seedbed_random::{Purpose, stream};
 
 criterion_group!(benches, tasks, cart_pole, idle_copies, formulas);
 criterion_main!(benches);

@@ -8,15 +8,15 @@ use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rand::RngExt;
-use seedbed_env::input::numbers::ranged_count;
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Physics, Status, TaskDescription, TaskSpec, build, load};
+use seedbed_input::numbers::ranged_count;
 use seedbed_learn::agent::{ActScratch, Agent, AgentContext, TeamConfig};
 use seedbed_learn::algorithms::seed_pg::SeedPgAgent;
 use seedbed_learn::algorithms::seed_pg::config::SeedPg;
 use seedbed_learn::experience::{Episode, Experience};
 use seedbed_learn::nn::{Activations, Adam, AdamSettings, Initial, Mlp};
 use seedbed_learn::rl::returns;
+use seedbed_random::{Purpose, stream};
 
 criterion_group!(benches, update, act, layers, network, capped_returns);
 criterion_main!(benches);

@@ -5,10 +5,10 @@
 
 use criterion::{Bencher, Criterion, Throughput, criterion_group, criterion_main};
 use rand_distr::{Distribution, StandardNormal};
-use seedbed_env::random::{Purpose, stream};
 use seedbed_learn::nn::bayesian::{Draws, PassBuffers};
 use seedbed_learn::nn::{BayesianNetwork, BayesianSettings};
 use seedbed_learn::rl::information_gain;
+use seedbed_random::{Purpose, stream};
 
 criterion_group!(benches, information_gain_of_an_episode, training_step);
 criterion_main!(benches);

@@ -11,12 +11,12 @@ use std::error::Error;
 use std::path::Path;
 
 use rand_distr::{Distribution, StandardNormal};
-use seedbed::env::random::{Purpose, Stream, stream};
 use seedbed::env::{Physics, TaskSpec};
 use seedbed::learn::agent::UpdateReport;
 use seedbed::learn::agent::{ActScratch, Agent, AgentContext, TeamConfig, Tensor, Update};
 use seedbed::learn::experience::{Episode, Experience};
 use seedbed::learn::team::{IndependentLearners, LearningTiming, TeamContext};
+use seedbed::random::{Purpose, Stream, stream};
 use seedbed::run::trainer::{Trainer, TrainingSettings};
 
 /// An agent with a linear policy for two actions, and the best weights that it has found so far.

@@ -6,11 +6,11 @@
 
 use std::error::Error;
 
-use seedbed::env::random::Stream;
 use seedbed::env::{Action, Choice, Environment, Quantity, Status, TaskSpec};
 use seedbed::learn::agent::TeamConfig;
 use seedbed::learn::algorithms::Algorithm;
 use seedbed::learn::team::{LearningTiming, TeamContext};
+use seedbed::random::Stream;
 use seedbed::run::trainer::{Trainer, TrainingSettings};
 
 /// Copies of the environment, each a line with one walker.

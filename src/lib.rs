@@ -25,5 +25,6 @@ pub mod tabular;
 pub mod text;
 
 pub use {
-    seedbed_env as env, seedbed_figure as figure, seedbed_learn as learn, seedbed_stats as stats,
+    seedbed_env as env, seedbed_figure as figure, seedbed_input as input, seedbed_learn as learn,
+    seedbed_random as random, seedbed_settings as settings, seedbed_stats as stats,
 };

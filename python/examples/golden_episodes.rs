@@ -8,8 +8,8 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Choice, Environment, Physics, Status, TaskDescription, TaskSpec, build, load};
+use seedbed_random::{Purpose, stream};
 
 /// Number of steps per line.
 const STEPS: usize = 120;

@@ -12,7 +12,7 @@ use seedbed::scenario::Scenario;
 use seedbed::scenario::overrides::{self, Resolve};
 use seedbed::scenario::synonyms::{self, Suggestion};
 use seedbed::tabular::TabularScenario;
-use seedbed_env::input::{Document, FileKind, file_kind};
+use seedbed_input::{Document, FileKind, file_kind};
 
 /// The arguments of this process. Ends it if they are invalid.
 pub(super) fn parse() -> Cli {

@@ -9,8 +9,8 @@ use seedbed::study::experiment::Experiment;
 use seedbed::study::plan::StudyPlan;
 use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular;
-use seedbed_env::input::{self, FileKind, InputError};
 use seedbed_env::{Choice, Physics, TaskSpec, physics_warnings};
+use seedbed_input::{FileKind, InputError};
 
 /// Maximum number of observations that are listed by name.
 pub(super) const MAX_NAMED_OBSERVATIONS: usize = 30;
@@ -57,7 +57,7 @@ fn find_and_check(path: &Path) -> Result<Checked, InputError> {
 fn check_file(path: &Path) -> Result<Checked, InputError> {
     let text = input_files::read_text(path)?;
     let mut warnings = Vec::new();
-    let description = match input::file_kind(&path.display().to_string(), &text)? {
+    let description = match seedbed_input::file_kind(&path.display().to_string(), &text)? {
         FileKind::Environment | FileKind::TabularEnvironment => {
             let (task, _) = input_files::read_task(path)?;
             warnings.extend(physics_warnings(&task, Physics::Rapier));

@@ -3,7 +3,7 @@
 use super::{ActionsArg, CliError, EvaluateArgs, PlayArgs, warn_if_unverified};
 use seedbed::run::evaluate::{self, EvaluationSettings};
 use seedbed::run::folder::run_folder;
-use seedbed_env::input::numbers::Positive;
+use seedbed_input::numbers::Positive;
 use seedbed_learn::agent::policy::ActionSelection;
 
 pub(super) fn evaluate(args: &EvaluateArgs) -> Result<(), CliError> {

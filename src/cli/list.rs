@@ -12,7 +12,7 @@ use seedbed::scenario::Scenario;
 use seedbed::study::plan::StudyPlan;
 use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular::Algorithm as TabularAlgorithm;
-use seedbed_env::input::{self, FileKind, InputError};
+use seedbed_input::{FileKind, InputError};
 use seedbed_learn::algorithms::Algorithm;
 use seedbed_learn::algorithms::catalogue::Parameter;
 
@@ -166,7 +166,7 @@ fn print_scenarios() {
 
 /// One-line description of a scenario or a study.
 fn describe(path: &Path) -> Result<String, InputError> {
-    match input::file_kind(&path.display().to_string(), &input_files::read_text(path)?)? {
+    match seedbed_input::file_kind(&path.display().to_string(), &input_files::read_text(path)?)? {
         FileKind::Study => Ok(describe_study(&StudyPlan::load_before_results(
             path, false,
         )?)),
@@ -228,7 +228,9 @@ fn print_files(title: &str, directory: Directory, print_file: impl Fn(&Path, &st
 fn groups(directory: Directory) -> Vec<Group> {
     let mut groups = Vec::new();
     let mut names_on_disk = Vec::new();
-    for folder in input::folders_upwards(&input_files::working_directory(), directory.name()) {
+    for folder in
+        seedbed_input::folders_upwards(&input_files::working_directory(), directory.name())
+    {
         let folder = input_files::relative_path(&folder);
         let paths = ron_files(&folder);
         names_on_disk.extend(paths.iter().filter_map(|path| name_in(&folder, path)));
@@ -345,7 +347,7 @@ fn ron_files(folder: &Path) -> Vec<PathBuf> {
                 vec![path]
             }
         })
-        .filter(|path| input::is_ron(path))
+        .filter(|path| seedbed_input::is_ron(path))
         .collect();
     files.sort();
     files

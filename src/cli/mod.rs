@@ -64,7 +64,7 @@ use seedbed::run::review::{LoadRunError, LoadedRun};
 use seedbed::study::experiment::LoadError;
 use seedbed::study::shard::Shard;
 use seedbed::text::{pluralize, terminal};
-use seedbed_env::input::InputError;
+use seedbed_input::InputError;
 
 /// Train teams of reinforcement learning agents that explore in coordination, and record every
 /// visited state

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 
 use super::{CliError, NewArgs, NewKind};
 use seedbed::input_files::{self, Directory};
-use seedbed_env::input;
 
 const TASK: &str = include_str!("templates/task.ron");
 const SCENARIO: &str = include_str!("templates/scenario.ron");
@@ -95,7 +94,8 @@ fn study(folder: &Path, name: &str, scenario: &str) -> NewFile {
 /// The nearest directory of this kind in the working directory or above it; one in the working
 /// directory if there is none.
 fn nearest(directory: Directory) -> PathBuf {
-    let folders = input::folders_upwards(&input_files::working_directory(), directory.name());
+    let folders =
+        seedbed_input::folders_upwards(&input_files::working_directory(), directory.name());
     match folders.first() {
         Some(folder) => input_files::relative_path(folder),
         None => PathBuf::from(directory.name()),

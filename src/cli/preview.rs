@@ -9,8 +9,8 @@ use seedbed::input_files::{self, Directory};
 use seedbed::record::{EpisodeRow, RecordedStates};
 use seedbed::run::preview;
 use seedbed::run::review::LoadRunError;
-use seedbed_env::input::numbers::Count;
 use seedbed_env::{Physics, TaskDescription};
+use seedbed_input::numbers::Count;
 
 pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
     let path = input_files::find_argument(&args.environment, &[Directory::Environments])?;

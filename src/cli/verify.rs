@@ -52,7 +52,7 @@ impl Amount {
         match self {
             Self::Runs(runs) => runs.min(stored),
             Self::Share(share) => {
-                seedbed_env::input::numbers::share_of_count(share, stored).clamp(1, stored)
+                seedbed_input::numbers::share_of_count(share, stored).clamp(1, stored)
             }
         }
     }

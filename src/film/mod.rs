@@ -17,12 +17,12 @@ use crate::run::review::selection::{
     EpisodeSelection, SelectedState, SelectedStates, StateSelection,
 };
 use crate::run::review::{LoadRunError, LoadedRun, team_returns};
-use seedbed_env::input::InputError;
 use seedbed_env::{Physics, Scene, TaskDescription};
 use seedbed_figure::color::{TEAM_COLOR, agent_color};
 use seedbed_figure::{
     Axis, Curves, Drawing, Figure, Panel, ParallelCoordinates, Row, Series, StateLine, States,
 };
+use seedbed_input::InputError;
 
 /// What is filmed: a recording and the task in which it was made.
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! Tasks and scenarios that are built into the program.
 
-use seedbed_env::input::BuiltinFile;
+use seedbed_input::BuiltinFile;
 
 /// Paths and texts of files of the repository.
 macro_rules! builtin_files {
@@ -168,7 +168,7 @@ mod tests {
         let entries = std::fs::read_dir(root.join(folder)).unwrap();
         let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
         let mut files: Vec<String> = names
-            .filter(|name| seedbed_env::input::is_ron(Path::new(name)))
+            .filter(|name| seedbed_input::is_ron(Path::new(name)))
             .map(|name| format!("{folder}/{name}"))
             .collect();
         files.sort();

@@ -10,11 +10,11 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use seedbed_env::TaskDescription;
-use seedbed_env::input::{self, BuiltinFile, DiskAndBuiltin, Document, FileSource, InputError};
+use seedbed_input::{BuiltinFile, DiskAndBuiltin, Document, FileSource, InputError};
 use serde::de::DeserializeOwned;
 
 pub use builtin::BUILTIN_FILES;
-pub use seedbed_env::input::is_builtin;
+pub use seedbed_input::is_builtin;
 
 /// The file system and the built-in files, without streams.
 const FILES: DiskAndBuiltin = DiskAndBuiltin(BUILTIN_FILES);
@@ -103,7 +103,7 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
 /// # Errors
 /// The file cannot be read, or is not a `T`.
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Document<T>, InputError> {
-    input::parse(&path.display().to_string(), read_text(path)?)
+    seedbed_input::parse(&path.display().to_string(), read_text(path)?)
 }
 
 /// Reads and checks a task file, which may be built in. Also returns the text of a task file that
@@ -231,12 +231,12 @@ pub fn working_directory() -> PathBuf {
 }
 
 fn not_found(argument: &str, directories: &[Directory], start_folders: &[PathBuf]) -> InputError {
-    let is_path = input::is_ron(Path::new(argument)) || argument.contains('/');
+    let is_path = seedbed_input::is_ron(Path::new(argument)) || argument.contains('/');
     let known: Vec<String> = directories
         .iter()
         .flat_map(|directory| FILES.known_names(directory.name(), start_folders))
         .collect();
-    let near = input::nearest_name(argument, known.iter().map(String::as_str));
+    let near = seedbed_input::nearest_name(argument, known.iter().map(String::as_str));
     let nouns: Vec<&str> = directories.iter().map(|kind| kind.noun()).collect();
     let is_folder = Path::new(argument).is_dir();
     InputError {

@@ -11,7 +11,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use seedbed_env::input::{self, InputError};
+use seedbed_input::InputError;
 
 /// The path by which the standard input is named in messages, on all platforms.
 pub(super) const STANDARD_INPUT: &str = "/dev/stdin";
@@ -46,10 +46,10 @@ pub(super) fn read(path: &Path) -> Result<String, InputError> {
         return Ok(text.clone());
     }
     let text = if path == Path::new(STANDARD_INPUT) {
-        input::read_text_from(path, std::io::stdin().by_ref())?
+        seedbed_input::read_text_from(path, std::io::stdin().by_ref())?
     } else {
-        let stream = File::open(path).map_err(|error| input::unreadable(path, &error))?;
-        input::read_text_from(path, stream)?
+        let stream = File::open(path).map_err(|error| seedbed_input::unreadable(path, &error))?;
+        seedbed_input::read_text_from(path, stream)?
     };
     streams.insert(path.to_owned(), Some(text.clone()));
     Ok(text)

@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{Count, FiniteNumber, ranged_count, ranged_number};
-use seedbed_env::input::{Located, ValidationError};
+use seedbed_input::numbers::{Count, FiniteNumber, ranged_count, ranged_number};
+use seedbed_input::{Located, ValidationError};
 
 /// Contents of a recording, and how much of each is recorded.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]

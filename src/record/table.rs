@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use seedbed_env::input::limits::{MAX_TABLE_BYTES, read_text};
+use seedbed_input::limits::{MAX_TABLE_BYTES, read_text};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 

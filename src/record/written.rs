@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh64::Xxh64;
 
-use seedbed_env::input::limits::open_regular;
+use seedbed_input::limits::open_regular;
 
 /// The beginning of a file. What follows after it was not yet certain to be kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -16,7 +16,7 @@ use super::round_recorder::RecorderStates;
 use super::sealed::{self, Format, SealError};
 use super::trainer::Trainer;
 use crate::record::written::{Written, WrittenFile};
-use seedbed_env::input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
+use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
 
 /// The contents of `checkpoint/state.bin`.
 #[derive(Serialize, Deserialize)]

@@ -17,8 +17,8 @@ use super::checkpoint::{Checkpoint, CheckpointError};
 use super::files;
 use super::folder::RunFolder;
 use crate::record::written::WrittenFile;
-use seedbed_env::input::InputError;
-use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, open_regular, read_bytes};
+use seedbed_input::InputError;
+use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, open_regular, read_bytes};
 
 /// Name of the file in the folder of a run.
 pub const FILE_NAME: &str = "SHA256SUMS";

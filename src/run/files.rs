@@ -7,7 +7,7 @@ use std::fs::{self, File};
 use std::io::{ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
 
-use seedbed_env::input::limits::check_is_regular;
+use seedbed_input::limits::check_is_regular;
 use tempfile::{NamedTempFile, TempPath};
 
 /// Replaces the file at `path`, which others read as a regular file; see [`Replacement`].

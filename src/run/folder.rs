@@ -12,7 +12,7 @@ use super::{checkpoint, checksums, files, overview};
 use crate::input_files;
 use crate::record::state_files::StateFiles;
 use crate::scenario::{self, Scenario, overrides};
-use seedbed_env::input::{Document, InputError};
+use seedbed_input::{Document, InputError};
 
 /// The directory of one run.
 #[derive(Clone, Debug, PartialEq, Eq)]

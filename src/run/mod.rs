@@ -59,7 +59,7 @@ use crate::record::{Focus, RecordError, RecorderFactory, RunInfo};
 use crate::scenario::{self, Scenario, overrides};
 use crate::text::file_stem;
 use seedbed_env::TaskDescription;
-use seedbed_env::input::{self, Document, InputError};
+use seedbed_input::{Document, InputError};
 use seedbed_learn::agent::Tensor;
 use seedbed_learn::cancellation::Cancellation;
 use seedbed_settings::{Difference, Settings};
@@ -520,7 +520,7 @@ fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
     let mut stored = folder::read_scenario(&folder.scenario_file())?;
     stored.value.stop = plan.scenario.stop.clone();
     let task = scenario::task_name(&stored.value.environment);
-    let task_text = input::read_text(&folder.task_file(task))?;
+    let task_text = seedbed_input::read_text(&folder.task_file(task))?;
     let stored_text = stored.value.beside_its_task(&plan.name, task).resolved();
     if let Some(difference) = first_difference(
         &scenario_settings(&stored_text),

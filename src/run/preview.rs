@@ -11,7 +11,7 @@ use crate::record::{
 use crate::scenario::{Scenario, Schedule, Stop};
 use seedbed_env::Physics;
 use seedbed_env::TaskDescription;
-use seedbed_env::input::numbers::{Count, ranged_count, ranged_number};
+use seedbed_input::numbers::{Count, ranged_count, ranged_number};
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::Algorithm;
 

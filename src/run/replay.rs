@@ -10,8 +10,8 @@ use crate::record::{
     BonusRange, EpisodeRow, Focus, Recorder, RecorderFactory, RecordingSettings, RoundRecord,
     RunInfo, SceneSettings,
 };
-use seedbed_env::input::InputError;
-use seedbed_env::input::numbers::ranged_count;
+use seedbed_input::InputError;
+use seedbed_input::numbers::ranged_count;
 
 /// What a replay shows.
 #[derive(Clone, Copy, Debug)]

@@ -15,7 +15,7 @@ use xxhash_rust::xxh64::Xxh64;
 
 use super::checkpoint::CheckpointError;
 use super::files;
-use seedbed_env::input::limits::open_regular;
+use seedbed_input::limits::open_regular;
 use seedbed_learn::experience::replay::Replay;
 
 /// Number of transitions that are encoded at once.

@@ -8,8 +8,8 @@
 use super::rollout::GroupRound;
 use super::trainer::{Diverged, Round, Trainer, shares_rapier_world};
 use crate::scenario::{Scenario, Schedule};
-use seedbed_env::input::InputError;
 use seedbed_env::{Environment, Physics, TaskDescription, build};
+use seedbed_input::InputError;
 use seedbed_learn::cancellation::cancellation_point;
 
 /// Number of copies from which on a step takes hardly less time per copy.

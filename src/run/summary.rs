@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::checksums::{Checksums, DamagedFile};
 use super::folder::RunFolder;
 use super::trainer::Trainer;
-use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, read_bytes};
+use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_bytes};
 
 /// The results of a run in a few numbers. What is not known of a run that another program recorded
 /// is `None` or empty.

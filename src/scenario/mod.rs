@@ -16,12 +16,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::input_files::{self, Directory};
 use crate::record::RecordingSettings;
-use seedbed_env::input::edit::to_ron_string;
-use seedbed_env::input::numbers::{
-    Count, FiniteNumber, PositiveFraction, ranged_count, ranged_number,
-};
-use seedbed_env::input::{Document, InputError, Located, ValidationError};
 use seedbed_env::{Physics, TaskSpec};
+use seedbed_input::edit::to_ron_string;
+use seedbed_input::numbers::{Count, FiniteNumber, PositiveFraction, ranged_count, ranged_number};
+use seedbed_input::{Document, InputError, Located, ValidationError};
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::catalogue::Parameter;
 use seedbed_learn::algorithms::{Algorithm, ScheduleError, ScheduleKind};
@@ -410,19 +408,19 @@ impl overrides::Resolve for Scenario {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input;
 
     #[test]
     fn the_shortest_scenario_resolves_to_one_that_reads_back_the_same() {
         let short: Document<Scenario> =
-            input::parse("test", r#"Scenario(environment: "cartpole")"#.to_owned()).unwrap();
+            seedbed_input::parse("test", r#"Scenario(environment: "cartpole")"#.to_owned())
+                .unwrap();
         let text = short.value.resolved();
         assert!(
             text.starts_with("Scenario(\n    environment: \"cartpole\",\n"),
             "{text}"
         );
         assert!(text.contains("algorithm: SeedPg(\n"), "{text}");
-        let again: Document<Scenario> = input::parse("test", text).unwrap();
+        let again: Document<Scenario> = seedbed_input::parse("test", text).unwrap();
         assert_eq!(short.value, again.value);
     }
 }

@@ -5,8 +5,8 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 
 use super::synonyms;
-use seedbed_env::input::limits::MAX_OVERRIDE_BYTES;
-use seedbed_env::input::{self, Document, InputError, ValidationError, nearest_name, quoted_list};
+use seedbed_input::limits::MAX_OVERRIDE_BYTES;
+use seedbed_input::{Document, InputError, ValidationError, nearest_name, quoted_list};
 use seedbed_learn::algorithms::catalogue::Parameter;
 use seedbed_settings::{UnknownField, opening, replace};
 
@@ -41,7 +41,7 @@ pub trait Resolve: DeserializeOwned + Clone {
     #[must_use]
     fn like(text: &str) -> Option<Document<Self>> {
         let examples = Self::examples(text);
-        let parsed = |text| input::parse("", text).ok();
+        let parsed = |text| seedbed_input::parse("", text).ok();
         examples.into_iter().find_map(parsed)
     }
 }
@@ -51,7 +51,7 @@ pub trait Resolve: DeserializeOwned + Clone {
 /// # Errors
 /// The text is not a `T`; names of other libraries are explained.
 pub fn parse<T: Resolve>(path: &Path, text: &str) -> Result<Document<T>, InputError> {
-    let parsed = input::parse(&path.display().to_string(), text.to_owned());
+    let parsed = seedbed_input::parse(&path.display().to_string(), text.to_owned());
     parsed.map_err(|error| synonyms::explain::<T>(text, error))
 }
 
@@ -125,7 +125,7 @@ pub(super) fn apply_value<T: Resolve>(
     };
     let (path, value) = (path.trim(), value.trim());
     let parse = |value: &str| -> Result<T, InputError> {
-        input::check_ron_value(value).map_err(|reason| {
+        seedbed_input::check_ron_value(value).map_err(|reason| {
             let expected = "expected one value, such as 16 or Normal(sigma: 0.1)";
             invalid(path, format!("{expected}: {reason}"), None)
         })?;
@@ -133,7 +133,7 @@ pub(super) fn apply_value<T: Resolve>(
             let (message, help) = explain(&unknown);
             invalid(path, message, help)
         })?;
-        let parsed = input::parse::<T>(&document.origin, text);
+        let parsed = seedbed_input::parse::<T>(&document.origin, text);
         let parsed = parsed.map_err(|error| {
             let help = error.help.or_else(|| forms::<T>(path));
             invalid(path, error.message, help)
@@ -147,7 +147,7 @@ pub(super) fn apply_value<T: Resolve>(
         "{} with --set",
         document.origin.trim_end_matches(" with --set")
     );
-    input::parse(&origin, value.resolved())
+    seedbed_input::parse(&origin, value.resolved())
 }
 
 /// The forms that the value of a field can have, if it has several.
@@ -183,7 +183,7 @@ mod tests {
     use crate::scenario::Scenario;
 
     fn document() -> Document<Scenario> {
-        input::parse(
+        seedbed_input::parse(
             "short.ron",
             r#"Scenario(environment: "cartpole")"#.to_owned(),
         )

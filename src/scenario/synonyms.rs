@@ -6,7 +6,7 @@
 mod ron_fields;
 mod table;
 
-use seedbed_env::input::{self, Document, InputError};
+use seedbed_input::{Document, InputError};
 
 use self::table::{ALGORITHMS, FIELDS, Synonym};
 use super::Scenario;
@@ -243,7 +243,7 @@ fn meant_value(synonym: &Synonym, value: &str) -> Option<String> {
     match input_files::find(name, Directory::Environments, &[]) {
         Ok(_) => Some(name.to_owned()),
         Err(known) => {
-            input::nearest_name(name, known.iter().map(String::as_str)).map(str::to_owned)
+            seedbed_input::nearest_name(name, known.iter().map(String::as_str)).map(str::to_owned)
         }
     }
 }

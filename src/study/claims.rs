@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::comparison::{Comparison, Quantity, Samples};
 use super::file::{Claim, ClaimDirection};
 use super::results::{CellResults, Results, default_horizon};
-use seedbed_env::input::numbers::Positive;
+use seedbed_input::numbers::Positive;
 use seedbed_stats::effect_test::EffectTest;
 use seedbed_stats::family::{holm_correction, holm_decisions};
 use seedbed_stats::{Direction, Interval, Verdict, verdict_on_effect, verdict_on_no_effect};

@@ -13,7 +13,7 @@ use rand::rngs::SysRng;
 use rand::seq::SliceRandom;
 
 use super::plan::PlannedRun;
-use seedbed_env::random::{Purpose, stream};
+use seedbed_random::{Purpose, stream};
 
 /// A random choice of runs. Equal numbers choose the same runs of the same results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

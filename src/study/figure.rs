@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::file::Study;
 use super::measure::{Curve, Measure};
-use seedbed_env::input::numbers::{Count, ranged_count};
-use seedbed_env::input::{Located, ValidationError};
+use seedbed_input::numbers::{Count, ranged_count};
+use seedbed_input::{Located, ValidationError};
 
 /// A figure of the report.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

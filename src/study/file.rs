@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::external::source::{ResultsSource, SolvedAt};
 use super::figure::Figure;
 use super::measure::Measure;
-use seedbed_env::input::numbers::{Count, Fraction, Positive, ranged_count};
-use seedbed_env::input::{Located, ValidationError};
+use seedbed_input::numbers::{Count, Fraction, Positive, ranged_count};
+use seedbed_input::{Located, ValidationError};
 
 /// First run seed for reported results. Smaller run seeds are for tuning.
 pub const FIRST_REPORTING_SEED: u64 = 1000;

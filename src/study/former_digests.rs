@@ -8,7 +8,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::store::{ManifestCell, StoreError};
-use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, read_text};
+use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_text};
 
 /// What the digests of a study's cells are in its lock: the contents of `STUDY.digests`.
 #[derive(Debug, Default)]

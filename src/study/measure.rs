@@ -8,7 +8,7 @@ use super::run_result::RunResult;
 use super::ties::is_above;
 pub use crate::record::metrics::Curve;
 use crate::record::metrics::{Range, RunKind};
-use seedbed_env::input::numbers::{Count, ranged_count};
+use seedbed_input::numbers::{Count, ranged_count};
 use seedbed_stats::aggregate::{mean, median, quantile};
 use seedbed_stats::survival::TimeToEvent;
 
@@ -484,7 +484,7 @@ fn default_window() -> Count {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input::numbers::ranged_count;
+    use seedbed_input::numbers::ranged_count;
 
     /// Two episodes of five agents: returns 0 to 4, then 0 to 8. Their 75th percentiles are 3 and 6,
     /// their standard deviations √2 and 2√2.

@@ -12,7 +12,7 @@ use super::provenance::BuildId;
 use super::result_file::StoredRun;
 use super::store::{StoreError, StudyFolder, replace_file};
 use crate::text::pluralize;
-use seedbed_env::input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
+use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
 
 /// What a merge has done.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -14,8 +14,8 @@ use super::run_source::RunSource;
 use crate::input_files::{self, Directory};
 use crate::scenario::synonyms;
 use crate::text::file_stem;
-use seedbed_env::input::limits::{MAX_CELLS, MAX_RUNS};
-use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
+use seedbed_input::limits::{MAX_CELLS, MAX_RUNS};
+use seedbed_input::{Document, InputError, Located, ValidationError};
 
 /// A checked study that can be run.
 #[derive(Clone, Debug)]
@@ -361,7 +361,7 @@ fn name_tasks_of_external_cells(study: &Study, cells: &mut [Cell]) -> Result<(),
             (None, _) => {
                 return Err(named_cell.name.error(format!(
                     "the study has several tasks; expected `task: \"…\"` in this cell, one of {}",
-                    input::quoted_list(own_tasks.iter().map(String::as_str))
+                    seedbed_input::quoted_list(own_tasks.iter().map(String::as_str))
                 )));
             }
         };
@@ -624,7 +624,7 @@ fn scenario_path(
     place: &Located<String>,
     scenario: &str,
 ) -> Result<PathBuf, ValidationError> {
-    if input::is_ron(Path::new(scenario)) {
+    if seedbed_input::is_ron(Path::new(scenario)) {
         return Ok(folder.join(scenario));
     }
     let start_folders = input_files::start_folders(folder);

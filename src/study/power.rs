@@ -89,11 +89,10 @@ fn power_of_scores(claim: &Claim, effect: f64, runs: usize, level: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input;
 
     fn study(claims: &str) -> Study {
         let text = format!("Study(title: \"x\", repeats: 60, claims: [{claims}])");
-        input::parse("x.ron", text).unwrap().value
+        seedbed_input::parse("x.ron", text).unwrap().value
     }
 
     /// A family of eleven claims: 0.95 against 0.7 at 0.025 / 11 needs about 60 runs per cell.

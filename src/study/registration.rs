@@ -21,8 +21,8 @@ use super::store::{
     Manifest, ManifestCell, StoreError, StudyFolder, replace_file, shown_digits, to_json,
 };
 use crate::text::pluralize;
-use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, read_text};
-use seedbed_env::input::{self, InputError};
+use seedbed_input::InputError;
+use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_text};
 use seedbed_settings::SCHEMA_VERSION;
 use seedbed_stats::family::FAMILY_LEVEL;
 
@@ -298,7 +298,7 @@ fn hash_of_study(study: &Study, text: &str, settings_version: u32) -> String {
     if settings_version == 0 {
         return sha256(study);
     }
-    input::settings_of::<Study>(text).digest(&[])
+    seedbed_input::settings_of::<Study>(text).digest(&[])
 }
 
 /// The study of a plan, and the text from which it was read.

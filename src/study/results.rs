@@ -17,7 +17,7 @@ use super::run_result::{RunResult, VisitedStates};
 use super::store::{Manifest, ManifestCell, StoreError, StudyFolder};
 use crate::text::shell_word;
 use seedbed_env::Quantity;
-use seedbed_env::input::{self, InputError};
+use seedbed_input::InputError;
 use seedbed_stats::family::{FAMILY_LEVEL, levels_of_looks};
 
 /// A study with all its finished runs.
@@ -96,7 +96,7 @@ impl Results {
     pub fn read(folder: &StudyFolder) -> Result<Self, ResultsError> {
         let manifest = folder.manifest().map_err(ResultsError::Folder)?;
         let name = format!("{}: study file", folder.path().join("study.json").display());
-        let study: Study = input::parse(&name, manifest.study.clone())?.value;
+        let study: Study = seedbed_input::parse(&name, manifest.study.clone())?.value;
         let mut results = Self {
             study,
             cells: Vec::new(),

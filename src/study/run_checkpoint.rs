@@ -28,7 +28,7 @@ use crate::run::checkpoint_schedule::CheckpointSchedule;
 use crate::run::files::Replacement;
 use crate::run::sealed::{self, Format, SealError};
 use crate::run::trainer::Trainer;
-use seedbed_env::input::limits::open_regular;
+use seedbed_input::limits::open_regular;
 use seedbed_learn::experience::replay::Replay;
 
 /// Extension of checkpoints.

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, read_bytes};
+use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_bytes};
 
 /// Extension of marks.
 pub(super) const EXTENSION: &str = "running";

@@ -8,8 +8,8 @@ use super::measure::Curve;
 use crate::run::measures::RoundRows;
 use crate::run::trainer::Trainer;
 use crate::scenario::{Rounding, Threshold};
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_learn::experience::Episode;
+use seedbed_random::{Purpose, Stream, stream};
 
 /// Maximum number of numbers in a sample of states of one run, and limits of the number of states.
 /// Figures pool the samples of all runs of a cell.

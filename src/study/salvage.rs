@@ -20,7 +20,7 @@ use crate::run::checksums::{Checksums, DamagedFile, FILE_NAME, NewChecksums, sha
 use crate::run::files;
 use crate::run::folder::RunFolder;
 use crate::text::pluralize;
-use seedbed_env::input::limits::{MAX_LARGE_FILE_BYTES, MAX_SMALL_FILE_BYTES, read_bytes};
+use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, MAX_SMALL_FILE_BYTES, read_bytes};
 
 /// What became of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -5,7 +5,7 @@ use super::comparison::{Quantity, RunScore};
 use super::file::{Scaling, has_part, unknown_part};
 use super::measure::Measure;
 use super::results::{CellResults, Results, known_horizon};
-use seedbed_env::input::{Located, ValidationError};
+use seedbed_input::{Located, ValidationError};
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::ratios::{log_log_slope, mean_with_log_interval, ratio_of_means};
 use seedbed_stats::{Estimate, Interval, MIN_RUNS};

@@ -21,10 +21,7 @@ use crate::input_files;
 use crate::run::file_lock::FileLock;
 use crate::run::{checksums, files};
 use seedbed_env::Quantity;
-use seedbed_env::input;
-use seedbed_env::input::limits::{
-    MAX_LARGE_FILE_BYTES, MAX_SMALL_FILE_BYTES, read_bytes, read_text,
-};
+use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, MAX_SMALL_FILE_BYTES, read_bytes, read_text};
 
 /// Folder with the results of a study.
 #[derive(Clone, Debug)]
@@ -492,7 +489,7 @@ impl Manifest {
     /// Claims of the study, as [`Claim::canonical_text`]; empty if this version cannot read the
     /// study file.
     fn claims(&self) -> Vec<String> {
-        let Ok(study) = input::parse::<Study>(&self.study_path, self.study.clone()) else {
+        let Ok(study) = seedbed_input::parse::<Study>(&self.study_path, self.study.clone()) else {
             return Vec::new();
         };
         let claims = study.value.claims.iter();

@@ -24,8 +24,8 @@ use super::results::Results;
 use super::{provenance, store};
 use crate::input_files::{self, Directory};
 use crate::run::files;
-use seedbed_env::input::InputError;
-use seedbed_env::input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
+use seedbed_input::InputError;
+use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
 
 /// Why a study cannot be submitted.
 #[derive(Debug, thiserror::Error)]

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::seed::RewardSeeds;
-use seedbed_env::input::numbers::{Fraction, NonNegative, ranged_number};
+use seedbed_input::numbers::{Fraction, NonNegative, ranged_number};
 use seedbed_learn::algorithms::catalogue::{Choice, choices};
 
 /// How the agents of a tabular scenario explore.

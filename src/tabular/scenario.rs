@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 use super::Algorithm;
 use crate::input_files;
 use crate::scenario::overrides::{self, Resolve};
-use seedbed_env::input::edit::to_ron_string;
-use seedbed_env::input::numbers::{Count, NonNegative, ranged_count, ranged_number};
-use seedbed_env::input::{Document, InputError};
 use seedbed_env::tabular::TaskFamily;
+use seedbed_input::edit::to_ron_string;
+use seedbed_input::numbers::{Count, NonNegative, ranged_count, ranged_number};
+use seedbed_input::{Document, InputError};
 
 /// A scenario of a team that knows the states and actions of its task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -106,25 +106,26 @@ impl Resolve for TabularScenario {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input;
 
     #[test]
     fn the_shortest_scenario_resolves_to_one_that_reads_back_the_same() {
         let short: Document<TabularScenario> =
-            input::parse("test", "TabularScenario(task: DeepSea(size: 5))".to_owned()).unwrap();
+            seedbed_input::parse("test", "TabularScenario(task: DeepSea(size: 5))".to_owned())
+                .unwrap();
         let text = short.value.resolved();
         assert!(
             text.starts_with("TabularScenario(\n    task: DeepSea(\n        size: 5,\n"),
             "{text}"
         );
-        let again: Document<TabularScenario> = input::parse("test", text).unwrap();
+        let again: Document<TabularScenario> = seedbed_input::parse("test", text).unwrap();
         assert_eq!(short.value, again.value);
     }
 
     #[test]
     fn overrides_replace_values() {
         let document: Document<TabularScenario> =
-            input::parse("test", "TabularScenario(task: BipolarChain())".to_owned()).unwrap();
+            seedbed_input::parse("test", "TabularScenario(task: BipolarChain())".to_owned())
+                .unwrap();
         let assignments = [
             "task.vertices=50",
             "agents.count=1000",

@@ -11,8 +11,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::belief::{Belief, Posterior, from_gaussian_scale};
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::tabular::{Mdp, Model, Prior};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// How an agent seed samples a parameter from a Gaussian posterior.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]

@@ -20,8 +20,8 @@ use super::planner::{Optimism, Planner, Policy};
 use super::scenario::TabularScenario;
 use super::seed::AgentSeed;
 use super::turn::{Turn, first_turns};
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::tabular::{Mdp, Model};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// A team in a task that was drawn from the family of the scenario.
 pub struct TabularTeam {
@@ -426,13 +426,12 @@ impl Agent {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input;
 
     fn team(algorithm: &str) -> TabularTeam {
         let text = format!(
             "TabularScenario(task: DeepSea(size: 5), agents: (count: 2), episodes: 2, algorithm: {algorithm})"
         );
-        let scenario = input::parse("test", text).unwrap_or_else(|error| panic!("{error}"));
+        let scenario = seedbed_input::parse("test", text).unwrap_or_else(|error| panic!("{error}"));
         TabularTeam::new(&scenario.value)
     }
 

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use rand_distr::{Distribution, Exp1};
 
 use super::scenario::{Starts, TabularScenario};
-use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// Time of an agent's next action. Turns are ordered by time, then by agent.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -67,6 +67,8 @@ fn library_crates_do_not_need_heavy_packages() {
         ),
         ("seedbed-stats", &["seedbed-env", "ron", "rayon"]),
         ("seedbed-settings", &["seedbed-env", "ron", "rayon"]),
+        ("seedbed-input", &["seedbed-env", "rayon"]),
+        ("seedbed-random", &["seedbed-env", "ron", "rayon"]),
         ("seedbed-figure", &["seedbed-env", "ron", "rayon"]),
     ] {
         let used = packages_in_tree(&["--package", package]);
@@ -203,7 +205,7 @@ fn env_and_learn_use_no_threads_clocks_hash_maps_or_files() {
             assert!(!text.contains(banned), "{file} names {banned}");
         }
         let uses_files = ["std::fs", "File::"].iter().any(|name| text.contains(name));
-        let may_read_files = ["seedbed-env/src/file", "seedbed-env/src/input"];
+        let may_read_files = ["seedbed-env/src/file", "seedbed-input/src"];
         assert!(
             !uses_files
                 || may_read_files
@@ -214,7 +216,7 @@ fn env_and_learn_use_no_threads_clocks_hash_maps_or_files() {
     }
 }
 
-/// Files are opened for reading by `input::limits`, which refuses pipes and devices and limits sizes. The
+/// Files are opened for reading by `seedbed_input::limits`, which refuses pipes and devices and limits sizes. The
 /// other files are those of the operating system, of the program itself, and those that it writes.
 #[test]
 fn files_are_read_in_one_place() {
@@ -228,7 +230,7 @@ fn files_are_read_in_one_place() {
         "mmap",
     ];
     const ALLOWED: [&str; 9] = [
-        "crates/seedbed-env/src/input/limits.rs",
+        "crates/seedbed-input/src/limits.rs",
         // Streams that arguments name.
         "src/input_files/streams.rs",
         // `/proc`.

@@ -6,7 +6,7 @@ use std::path::Path;
 use seedbed::study::external::source::{Columns, ResultsSource, SolvedAt, Values};
 use seedbed::study::external::{ExternalRuns, ExternalSpec};
 use seedbed::study::run_result::RunResult;
-use seedbed_env::input::numbers::{ranged_count, ranged_number};
+use seedbed_input::numbers::{ranged_count, ranged_number};
 
 use super::util::{REPOSITORY, run_successful};
 

@@ -12,7 +12,7 @@ use seedbed::run::evaluate::{EvaluationSettings, evaluate};
 use seedbed::run::folder::RunFolder;
 use seedbed::run::ranks::Ranks;
 use seedbed::run::{Observer, Options, Plan, Progress, execute};
-use seedbed_env::input::numbers::ranged_number;
+use seedbed_input::numbers::ranged_number;
 use seedbed_learn::agent::policy::ActionSelection;
 use seedbed_learn::experience::Episode;
 

@@ -21,8 +21,8 @@ use super::{
     Choice, Environment, Force, GivenStart, Physics, PhysicsWarning, Pose, Scene, StartNames,
     Status, TaskSpec, analytic, forces, physics,
 };
-use crate::input::InputError;
-use crate::random::{Purpose, Stream, stream};
+use seedbed_input::InputError;
+use seedbed_random::{Purpose, Stream, stream};
 
 /// Builds `copies` copies of a task. None has started: reset each before its first step.
 ///

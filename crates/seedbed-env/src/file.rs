@@ -35,12 +35,12 @@ pub use terrain::{Terrain, TerrainValue};
 
 use super::description::{Integrator, TaskDescription};
 use super::tabular;
-use crate::input::limits::{MAX_ENTRIES, short_list};
-use crate::input::numbers::{
+use extends::MergedText;
+use seedbed_input::limits::{MAX_ENTRIES, short_list};
+use seedbed_input::numbers::{
     Count, FiniteNumber, NonNegative, Positive, PositiveUpTo10, ranged_count, ranged_number,
 };
-use crate::input::{self, Disk, FileKind, FileSource, InputError, Located};
-use extends::MergedText;
+use seedbed_input::{Disk, FileKind, FileSource, InputError, Located};
 
 /// A task file: `Environment(…)`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -469,17 +469,17 @@ pub fn parse(name: &str, origin: &str, text: String) -> Result<TaskDescription, 
 /// If the text is not that of a task file.
 #[must_use]
 pub fn settings(text: &str) -> Settings {
-    let settings = match input::file_kind("", text) {
+    let settings = match seedbed_input::file_kind("", text) {
         Ok(FileKind::TabularEnvironment) => {
-            input::settings_of::<tabular::file::TabularTaskFile>(text)
+            seedbed_input::settings_of::<tabular::file::TabularTaskFile>(text)
         }
-        _ => input::settings_of::<TaskFile>(text),
+        _ => seedbed_input::settings_of::<TaskFile>(text),
     };
     settings.without("description")
 }
 
 fn parse_merged(name: &str, text: &MergedText) -> Result<TaskDescription, InputError> {
-    let parsed = match input::file_kind(text.origin(), text.text()) {
+    let parsed = match seedbed_input::file_kind(text.origin(), text.text()) {
         Ok(FileKind::TabularEnvironment) => tabular::file::parse(name, text.origin(), text.text()),
         _ => parse_bodies(name, text.origin(), text.text()),
     };
@@ -487,7 +487,7 @@ fn parse_merged(name: &str, text: &MergedText) -> Result<TaskDescription, InputE
 }
 
 fn parse_bodies(name: &str, origin: &str, text: &str) -> Result<TaskDescription, InputError> {
-    let document = input::parse::<TaskFile>(origin, text.to_owned())?;
+    let document = seedbed_input::parse::<TaskFile>(origin, text.to_owned())?;
     if let Some(base) = &document.value.extends {
         return Err(document.locate(base.error("`extends` is given twice")));
     }

@@ -6,7 +6,7 @@
 //! [`Environment`] of any number of copies:
 //!
 //! ```
-//! use seedbed_env::random::{Purpose, stream};
+//! use seedbed_random::{Purpose, stream};
 //! use seedbed_env::{Environment, Physics, Status, build, load};
 //!
 //! # std::env::set_current_dir("../..")?;
@@ -33,8 +33,6 @@
 //! - [`description`] is what a checked file becomes, and may be changed before building.
 //! - [`tabular`] has finite MDPs with priors, and [`analytic`] the exact equations of classic
 //!   tasks.
-//! - [`input`] reads RON files with located errors, and [`random`] names random streams; both serve
-//!   the rest of the workbench too.
 //!
 //! Agents, learning and recording are other crates, on which this one must not depend.
 
@@ -46,11 +44,9 @@ mod environment;
 pub mod expression;
 pub mod file;
 mod forces;
-pub mod input;
 pub mod kinematics;
 mod parameters;
 pub mod physics;
-pub mod random;
 mod sensing;
 pub mod tabular;
 mod terrain;
@@ -67,7 +63,7 @@ pub use watch::PhysicsWarning;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::random::Stream;
+use seedbed_random::Stream;
 
 /// A batch of M independent copies of one task.
 ///
@@ -79,7 +75,7 @@ use crate::random::Stream;
 /// A task in Rust: walk on a line until its end.
 ///
 /// ```
-/// use seedbed_env::random::Stream;
+/// use seedbed_random::Stream;
 /// use seedbed_env::{Action, Environment, Quantity, TaskSpec, Status};
 ///
 /// struct Walk {
@@ -151,7 +147,7 @@ use crate::random::Stream;
 /// }
 ///
 /// let mut walk = Walk::new(2);
-/// let mut random = seedbed_env::random::stream(0, seedbed_env::random::Purpose::Reset, 0, 0);
+/// let mut random = seedbed_random::stream(0, seedbed_random::Purpose::Reset, 0, 0);
 /// (0..2).for_each(|copy| walk.reset(copy, &mut random));
 /// walk.step(&[1.0, 0.0]);
 /// assert_eq!(walk.observations(), [2.0, 0.0]);

@@ -2,7 +2,7 @@
 
 use super::description::{Collider, Surface, Terrain};
 use super::expression::{Evaluator, ValueTable};
-use crate::random::Stream;
+use seedbed_random::Stream;
 
 /// Draws the heights of one terrain.
 pub(super) struct TerrainGenerator {

@@ -4,8 +4,8 @@
 use rand::RngExt;
 
 use super::description::{BodyTask, TaskDescription};
-use super::random::{Purpose, Stream, stream};
 use super::{Choice, Environment, Physics, Status, TaskSpec, build, caught_panic, parameters};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// Maximum number of steps of the trial, each of all copies.
 const MAX_STEPS: u64 = 200;

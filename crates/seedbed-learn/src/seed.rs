@@ -17,8 +17,8 @@ use crate::agent::Tensor;
 use crate::experience::Episode;
 use crate::nn::{Initial, Mlp};
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::NonNegative;
-use seedbed_env::random::{Purpose, Stream, stream, transition_stream};
+use seedbed_input::numbers::NonNegative;
+use seedbed_random::{Purpose, Stream, stream, transition_stream};
 
 /// What each agent adds to rewards, with mean 0 and standard deviation σ in units of reward. With
 /// σ = 0 rewards are not perturbed.
@@ -292,8 +292,8 @@ fn add(rewards: &mut [f32], perturbations: &[f32]) {
 pub(crate) mod tests {
     use super::*;
     use proptest::prelude::*;
-    use seedbed_env::input::numbers::ranged_number;
     use seedbed_env::{Quantity, Status};
+    use seedbed_input::numbers::ranged_number;
 
     /// A task with one observation between −1 and 1.
     pub(super) fn spec(time_limit: u32) -> TaskSpec {

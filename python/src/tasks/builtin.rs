@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use pyo3::exceptions::{PyFileNotFoundError, PyIsADirectoryError};
 use pyo3::prelude::*;
-use seedbed_env::input::{self, BuiltinFile, DiskAndBuiltin, FileSource, is_builtin};
+use seedbed_input::{BuiltinFile, DiskAndBuiltin, FileSource, is_builtin};
 
 /// Task files on the disk, and those of the repository.
 pub(super) const FILES: DiskAndBuiltin =
@@ -57,7 +57,7 @@ pub(super) fn find(argument: &Path) -> PyResult<PathBuf> {
 
 fn not_found(name: &str, argument: OsString, directory: PathBuf) -> PyErr {
     let known = FILES.known_names(FOLDER, &[directory]);
-    let message = match input::nearest_name(name, known.iter().map(String::as_str)) {
+    let message = match seedbed_input::nearest_name(name, known.iter().map(String::as_str)) {
         Some(near) => format!("there is no such task file or task; did you mean `{near}`?"),
         None => "there is no such task file or task; `seedbed.tasks()` returns the built-in tasks"
             .to_owned(),

@@ -7,8 +7,8 @@ use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use seedbed_env::input::InputError;
 use seedbed_env::{Choice, TaskDescription};
+use seedbed_input::InputError;
 
 use super::builtin;
 

@@ -1,7 +1,7 @@
 //! Copies of a task that one thread steps, with their episodes.
 
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Environment, GivenStart, Physics, PhysicsWarning, Pose, Status};
+use seedbed_random::{Purpose, Stream, stream};
 
 use super::options::physics_name;
 use super::state::CopyState;

@@ -1,9 +1,9 @@
 //! Pictures of the bodies of a task.
 
 use rand::RngExt;
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Choice, Environment, Pose, Scene, Status, TaskSpec};
 use seedbed_figure::{Drawing, Figure, Panel, Pixels, PngError, Row};
+use seedbed_random::{Purpose, Stream, stream};
 
 use crate::record::framing::{self, Bounds};
 use crate::record::outline::terrain_lines;

@@ -1,7 +1,7 @@
 //! The state of one copy as bytes, from which it continues with the same bits.
 
 use seedbed_env::Physics;
-use seedbed_env::random::Stream;
+use seedbed_random::Stream;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh64::xxh64;
 

@@ -6,11 +6,11 @@
 use clap::ValueEnum;
 use rand::RngExt;
 use rand_distr::StandardNormal;
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_figure::color::sequential_color;
 use seedbed_figure::{
     Axis, Color, Figure, Panel, ParallelCoordinates, Row, Scatter, ScatterPoint, StateLine, States,
 };
+use seedbed_random::{Purpose, Stream, stream};
 
 /// A distribution of two quantities x and y, pure numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -24,7 +24,7 @@ use rerun::log::{Chunk, LogMsg};
 
 use crate::record::ReadError;
 use seedbed_env::caught_panic;
-use seedbed_env::input::limits::open_regular;
+use seedbed_input::limits::open_regular;
 
 /// A block that LZ4 compresses to n bytes has at most 255 n bytes.
 const MAX_LZ4_RATIO: u64 = 255;

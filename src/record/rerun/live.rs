@@ -16,7 +16,7 @@ use rerun::sink::{GrpcSink, GrpcSinkConnectionState, LogSink};
 
 use super::error::RecordingError;
 use crate::record::LiveError;
-use seedbed_env::input::limits::open_regular;
+use seedbed_input::limits::open_regular;
 
 /// The address at which a viewer listens by default.
 pub const DEFAULT_VIEWER: &str = rerun::DEFAULT_CONNECT_URL;

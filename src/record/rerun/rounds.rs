@@ -10,8 +10,8 @@ use super::samples::DrawnStateCounts;
 use super::writers::{Due, states_per_write};
 use crate::record::visitation::{Coloring, first_round};
 use crate::record::{BodyTrajectory, EpisodeRow, Focus, RoundRecord};
-use seedbed_env::random::{Purpose, stream};
 use seedbed_learn::experience::Episode;
+use seedbed_random::{Purpose, stream};
 
 /// Minimum number of states per agent between two images, for each round of the initial interval.
 /// An image takes as many bytes as about a hundred states, and there are two of each agent. So images

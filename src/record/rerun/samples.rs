@@ -15,9 +15,9 @@ use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk, strips};
 use crate::record::RecordingSettings;
 use crate::record::RunInfo;
 use crate::record::visitation::{AgentVisits, Axes, Coloring, Pairs, VisitedState, sample_states};
-use seedbed_env::random::Stream;
 use seedbed_figure::color::dark::agent_color;
 use seedbed_learn::experience::{Episode, StepData};
+use seedbed_random::Stream;
 
 /// Axes, panels and colors with which states are drawn.
 pub(super) struct VisitationStyle {

@@ -8,7 +8,7 @@ use flate2::Crc;
 
 use super::header::Header;
 use crate::record::ReadError;
-use seedbed_env::input::limits::open_regular;
+use seedbed_input::limits::open_regular;
 
 const MAGIC: [u8; 8] = *b"SBSTATES";
 const FORMAT_VERSION: u32 = 1;

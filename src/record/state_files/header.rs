@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use seedbed_env::input::limits::{MAX_RECORDED_AGENTS, MAX_RECORDED_AXES, MAX_RECORDED_NAME_BYTES};
+use seedbed_input::limits::{MAX_RECORDED_AGENTS, MAX_RECORDED_AXES, MAX_RECORDED_NAME_BYTES};
 use serde::Deserialize;
 
 /// What the states of an agent are.

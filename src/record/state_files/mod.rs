@@ -26,7 +26,7 @@ pub use self::learners::{EndedEpisode, Learners};
 use super::visitation::Axes;
 use super::{BonusRange, EpisodeRow, ReadError, RecordedEpisode};
 use seedbed_env::Quantity;
-use seedbed_env::input::limits::MAX_SPARSE_AGENTS;
+use seedbed_input::limits::MAX_SPARSE_AGENTS;
 
 /// Extension of a file of visited states.
 const EXTENSION: &str = "states";

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::episodes::EPISODE_START;
 use super::frames::{FILE_START, FRAME_START, checksum, file_start, number};
 use super::header::Header;
-use seedbed_env::input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
+use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
 
 /// What was taken out of a file of visited states.
 #[derive(Clone, Debug, PartialEq, Eq)]

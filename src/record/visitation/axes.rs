@@ -346,8 +346,8 @@ fn action_value(choice: &Choice, action: f32) -> f32 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use seedbed_env::input::numbers::{FiniteNumber, ranged_number};
     use seedbed_env::{Action, Status};
+    use seedbed_input::numbers::{FiniteNumber, ranged_number};
 
     const OBSERVATIONS_AND_BONUS: [AxisChoice; 2] =
         [AxisChoice::Observations, AxisChoice::IntrinsicReward];

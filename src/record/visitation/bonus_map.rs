@@ -118,7 +118,7 @@ mod tests {
     use super::super::axes::tests::{spec, state_at};
     use super::*;
     use crate::record::PairChoice;
-    use seedbed_env::input::numbers::ranged_count;
+    use seedbed_input::numbers::ranged_count;
 
     /// With bonuses of 1 and 3 in the lower left cell and of 5 in the upper right cell, the means
     /// are 2 and 5.

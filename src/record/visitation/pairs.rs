@@ -97,7 +97,7 @@ impl Pairs {
 mod tests {
     use super::super::axes::tests::{spec, state_at};
     use super::*;
-    use seedbed_env::input::numbers::ranged_count;
+    use seedbed_input::numbers::ranged_count;
 
     fn panel_names(observations: usize, choice: &PairChoice) -> Vec<[String; 2]> {
         let pairs = Pairs::of(&spec(&vec![[0.0, 1.0]; observations]), choice);

@@ -11,7 +11,7 @@
 
 use rand::RngExt;
 
-use seedbed_env::random::Stream;
+use seedbed_random::Stream;
 
 /// Number of states of an episode from which on it gets its whole share of the lines. Shorter
 /// episodes get proportionally fewer.
@@ -66,7 +66,7 @@ pub fn sample_states(states: usize, count: usize, random: &mut Stream) -> Vec<us
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::random::{Purpose, stream};
+    use seedbed_random::{Purpose, stream};
 
     #[test]
     fn the_quota_does_not_exceed_the_requested_number() {

@@ -193,7 +193,7 @@ fn from_halves([upper, lower]: [u16; 2]) -> f32 {
 mod tests {
     use rand::RngExt;
     use rand_distr::StandardNormal;
-    use seedbed_env::random::{Purpose, stream};
+    use seedbed_random::{Purpose, stream};
 
     use super::*;
 

@@ -4,8 +4,8 @@ use super::super::ranks::Ranks;
 use super::super::thread_count;
 use super::{Trainer, TrainingSettings};
 use crate::scenario::{Scenario, Schedule, StepsOf};
-use seedbed_env::input::InputError;
 use seedbed_env::{Physics, TaskDescription, TaskSpec, build};
+use seedbed_input::InputError;
 use seedbed_learn::agent::bonus::Bonus;
 use seedbed_learn::team::{LearningTiming, Team, TeamContext};
 

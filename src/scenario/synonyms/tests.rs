@@ -204,7 +204,7 @@ fn suggestions_can_be_pasted() {
                 continue;
             }
             let text = format!("Scenario(environment: \"cartpole\", {fields})");
-            let pasted = input::parse::<Scenario>("pasted", text);
+            let pasted = seedbed_input::parse::<Scenario>("pasted", text);
             pasted.unwrap_or_else(|error| panic!("{name}: {error}"));
         }
     }

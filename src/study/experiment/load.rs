@@ -9,7 +9,7 @@ use crate::run::{Plan, folder};
 use crate::scenario;
 use crate::scenario::overrides::{self, Resolve};
 use crate::tabular::{TabularPlan, TabularScenario};
-use seedbed_env::input::{self, Document, FileKind, InputError};
+use seedbed_input::{Document, FileKind, InputError};
 
 /// An input error, and the step of loading in which it was found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -47,7 +47,7 @@ impl LoadStep {
 pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, LoadError> {
     let origin = path.display().to_string();
     let text = input_files::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
-    let kind = input::file_kind(&origin, &text);
+    let kind = seedbed_input::file_kind(&origin, &text);
     if matches!(kind, Ok(FileKind::TabularScenario)) {
         let document: Result<Document<TabularScenario>, _> = overrides::parse(path, &text);
         let document = with_overrides(document, overrides)?;
@@ -80,7 +80,7 @@ pub fn files_read(path: &Path, overrides: &[String]) -> Result<Vec<PathBuf>, Loa
     let text = input_files::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
     let mut files = vec![path.to_owned()];
     if matches!(
-        input::file_kind(&origin, &text),
+        seedbed_input::file_kind(&origin, &text),
         Ok(FileKind::TabularScenario)
     ) {
         return Ok(files);

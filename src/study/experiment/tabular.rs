@@ -17,7 +17,7 @@ use crate::tabular::run::{self, Ending};
 use crate::tabular::team::{Step, TabularTeam};
 use crate::tabular::{TabularPlan, TabularScenario};
 use crate::text::pluralize;
-use seedbed_env::{TaskSpec, input};
+use seedbed_env::TaskSpec;
 use seedbed_settings::Settings;
 
 impl Experiment for TabularPlan {
@@ -47,7 +47,7 @@ impl Experiment for TabularPlan {
 
     fn settings(&self) -> Settings {
         let scenario = with_run_seed(&self.scenario, 0);
-        input::settings_of::<TabularScenario>(&scenario.resolved())
+        seedbed_input::settings_of::<TabularScenario>(&scenario.resolved())
     }
 
     /// Of each state and agent, the numbers of visits and the agent's own policy.
@@ -289,10 +289,9 @@ impl TabularMeasures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input;
 
     fn scenario(text: &str) -> TabularScenario {
-        input::parse("test", text.to_owned()).unwrap().value
+        seedbed_input::parse("test", text.to_owned()).unwrap().value
     }
 
     /// Three agents in a deterministic task of two rows.

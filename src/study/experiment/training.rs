@@ -25,8 +25,8 @@ use crate::study::run_result::{MeasuredRun, RunResult};
 use crate::study::shard::COST_PER_MINUTE;
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{ranged_count, ranged_number};
-use seedbed_env::input::{self, Located, limits};
+use seedbed_input::numbers::{ranged_count, ranged_number};
+use seedbed_input::{Located, limits};
 use seedbed_settings::Settings;
 
 impl Experiment for Plan {
@@ -98,7 +98,7 @@ impl Experiment for Plan {
     fn settings(&self) -> Settings {
         let scenario = with_defaults_except_for_learning(self.scenario.clone(), 0);
         let task = seedbed_env::task_settings(&self.environment_text);
-        input::settings_of::<Scenario>(&scenario.resolved()).with("task", task)
+        seedbed_input::settings_of::<Scenario>(&scenario.resolved()).with("task", task)
     }
 
     fn learning_cost(&self) -> f64 {

@@ -9,7 +9,7 @@ use super::run_data::{self, AgentEpisodes};
 use super::source::Columns;
 use super::{Problem, Settings};
 use crate::scenario::Rounding;
-use seedbed_env::input::{InputError, Located};
+use seedbed_input::{InputError, Located};
 
 /// Reads the runs in the file at `path`, in the order of their first rows.
 pub(super) fn read(

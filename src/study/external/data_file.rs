@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use seedbed_env::input::limits::{MAX_TABLE_BYTES, read_bytes};
-use seedbed_env::input::{InputError, Position};
+use seedbed_input::limits::{MAX_TABLE_BYTES, read_bytes};
+use seedbed_input::{InputError, Position};
 
 /// Mark at the beginning of a text in UTF-8, as spreadsheets write it.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
@@ -159,7 +159,7 @@ impl<'a> Rows<'a> {
             let names: Vec<&str> = self.header().collect();
             self.file.error(format!(
                 "expected a column `{name}`, found only {}",
-                seedbed_env::input::quoted_list(names)
+                seedbed_input::quoted_list(names)
             ))
         })
     }

@@ -10,7 +10,7 @@ use super::run_data::{self, AgentEpisodes};
 use super::{Problem, Settings};
 use crate::export::event_file::read_events;
 use crate::scenario::Rounding;
-use seedbed_env::input::{InputError, Located};
+use seedbed_input::{InputError, Located};
 
 /// Reads the run whose event files are in the directory `path`, or which is the event file `path`.
 pub(super) fn read(

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use super::data_file::{DataFile, file_error};
 use crate::export::event_file::Event;
 use crate::text::pluralize;
-use seedbed_env::input::InputError;
+use seedbed_input::InputError;
 
 /// Version of the format from which on only `SessionLog.START` voids values.
 const VERSION_WITH_START: f64 = 2.0;

@@ -31,7 +31,7 @@ use self::run_data::Limits;
 use self::source::{ResultsSource, SolvedAt, Values};
 use super::measure::{Curve, Measure, Needs};
 use super::run_result::RunResult;
-use seedbed_env::input::{InputError, Located, ValidationError};
+use seedbed_input::{InputError, Located, ValidationError};
 
 /// Number of digits of a hash that are shown in messages.
 const SHOWN_DIGITS: usize = 12;

@@ -8,7 +8,7 @@ use super::read_run::ReadRun;
 use super::run_data::{self, AgentEpisodes};
 use super::{Problem, Settings};
 use crate::scenario::Rounding;
-use seedbed_env::input::{InputError, Position};
+use seedbed_input::{InputError, Position};
 
 /// Reads the run at `path`: a directory with one file per agent, or the file of its only agent.
 pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<ReadRun, Problem> {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use glob::{MatchOptions, Pattern};
 
-use seedbed_env::input::{Located, ValidationError};
+use seedbed_input::{Located, ValidationError};
 
 /// Names that begin with a dot are matched by patterns that do.
 const OPTIONS: MatchOptions = MatchOptions {

@@ -97,7 +97,7 @@ fn team_means(agents: &[AgentEpisodes]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input::numbers::{ranged_count, ranged_number};
+    use seedbed_input::numbers::{ranged_count, ranged_number};
 
     fn agent(returns: &[f64], env_steps: &[u64]) -> AgentEpisodes {
         AgentEpisodes {

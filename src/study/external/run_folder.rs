@@ -20,9 +20,9 @@ use crate::run::summary;
 use crate::scenario::Rounding;
 use crate::study::measure::Curve;
 use crate::study::run_result::{Milestone, RunResult};
-use seedbed_env::input::InputError;
-use seedbed_env::input::limits::MAX_AGENTS_OF_OTHERS;
-use seedbed_env::input::numbers::FiniteNumber;
+use seedbed_input::InputError;
+use seedbed_input::limits::MAX_AGENTS_OF_OTHERS;
+use seedbed_input::numbers::FiniteNumber;
 use seedbed_stats::aggregate::mean;
 
 /// A row of `episodes.csv`, as far as studies need it.

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::scenario::Threshold;
-use seedbed_env::input::Located;
-use seedbed_env::input::numbers::{Count, FiniteNumber, ranged_count};
+use seedbed_input::Located;
+use seedbed_input::numbers::{Count, FiniteNumber, ranged_count};
 
 /// Where the runs of a cell are that were not made by this study. Patterns are paths relative to the
 /// folder of the study, with `*` for any text within a name, `?` for any character and `**` for

@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use crate::run::checksums::sha256;
 use crate::study::results::ResultsError;
-use seedbed_env::input::limits::{MAX_SMALL_FILE_BYTES, MAX_TABLE_BYTES, read_bytes};
+use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, MAX_TABLE_BYTES, read_bytes};
 
 /// Name of the description of a submission, in its directory.
 pub(in crate::study) const SUBMISSION: &str = "submission.json";

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use flate2::Compression;
 use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
-use seedbed_env::input::limits::{
+use seedbed_input::limits::{
     MAX_SMALL_FILE_BYTES, MAX_TABLE_BYTES, open_regular, read_bytes, text_of,
 };
 use serde::{Deserialize, Serialize};

@@ -8,7 +8,7 @@ use crate::study::cost::RunCost;
 use crate::study::measure::{Curve, Measure};
 use crate::study::results::CellResults;
 use crate::text::from_spreadsheet_cell;
-use seedbed_env::input::numbers::ranged_count;
+use seedbed_input::numbers::ranged_count;
 
 /// A row of the table.
 pub(super) struct Row<'a> {

@@ -659,7 +659,6 @@ mod tests {
     use crate::study::results::{CellResults, Results};
     use crate::study::run_result::RunResult;
     use crate::study::store::{Manifest, ManifestCell};
-    use seedbed_env::input;
 
     const STUDY: &str = r#"Study(
         title: "Small",
@@ -708,7 +707,9 @@ mod tests {
 
     /// Results for which the report has every warning.
     fn results_with_every_warning() -> Results {
-        let study = input::parse("small.ron", STUDY.to_owned()).unwrap().value;
+        let study = seedbed_input::parse("small.ron", STUDY.to_owned())
+            .unwrap()
+            .value;
         let cells = vec![cell("A", 40, 3.0), cell("B", 50, 1.0)];
         let mut results = Results {
             manifest: Manifest {
@@ -778,7 +779,7 @@ mod tests {
         }
         assert_eq!(unequal_ranges(&results), None, "returns can be compared");
         let study = STUDY.replace("FinalReturn()],", "FinalReturn(), Coverage],");
-        results.study = input::parse("small.ron", study).unwrap().value;
+        results.study = seedbed_input::parse("small.ron", study).unwrap().value;
         let sentence = unequal_ranges(&results).unwrap();
         let expected = "`x` is shown from −1 to 1 in cell `A` and from −10 to 10 in cell `B`";
         assert!(sentence.starts_with(expected), "{sentence}");

@@ -10,7 +10,7 @@ use crate::study::measure::{Curve, Measure};
 use crate::study::results::{CellResults, Results};
 use crate::study::run_result::RunResult;
 use crate::text::spreadsheet_cell;
-use seedbed_env::input::numbers::ranged_count;
+use seedbed_input::numbers::ranged_count;
 
 /// Names of the columns that `results.csv` has for every study.
 pub(in crate::study) const COLUMNS: [&str; 22] = [

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::study::file::FIRST_REPORTING_SEED;
 use crate::study::measure::Measure;
-use seedbed_env::input::numbers::{Count, FiniteNumber, Positive, ranged_count};
-use seedbed_env::input::{Located, ValidationError};
+use seedbed_input::numbers::{Count, FiniteNumber, Positive, ranged_count};
+use seedbed_input::{Located, ValidationError};
 
 /// A tuning file: `Tuning(…)`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -15,9 +15,9 @@ use crate::study::external::Problem;
 use crate::study::plan::{Cell, CellDraft, PlannedRun, StudyPlan, located_text, missing_measure};
 use crate::study::report::column;
 use crate::text::file_stem;
-use seedbed_env::input::numbers::Positive;
-use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
-use seedbed_env::random::{Purpose, stream};
+use seedbed_input::numbers::Positive;
+use seedbed_input::{Document, InputError, Located, ValidationError};
+use seedbed_random::{Purpose, stream};
 
 /// A checked tuning file.
 #[derive(Clone, Debug)]
@@ -252,7 +252,7 @@ impl TuningFile {
         Ok(StudyPlan {
             name: file_stem(&self.path, "tuning"),
             path: self.path.clone(),
-            document: input::parse(&self.path.display().to_string(), text)?,
+            document: seedbed_input::parse(&self.path.display().to_string(), text)?,
             quick: false,
             cells,
             lock: None,

@@ -3,8 +3,8 @@
 use rand::RngExt;
 
 use super::file::{Distribution, Parameter};
-use seedbed_env::input::Located;
-use seedbed_env::random::Stream;
+use seedbed_input::Located;
+use seedbed_random::Stream;
 
 /// A value that replaces `{}`.
 #[derive(Clone, Debug)]
@@ -81,12 +81,11 @@ fn number(value: f64, [low, high]: [f64; 2]) -> Value<'static> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input;
-    use seedbed_env::random::{Purpose, stream};
+    use seedbed_random::{Purpose, stream};
 
     fn draws(draw: &str) -> Vec<String> {
         let text = format!("(set: [\"x={{}}\"], draw: {draw})");
-        let parameter: Parameter = input::parse("x.ron", text).unwrap().value;
+        let parameter: Parameter = seedbed_input::parse("x.ron", text).unwrap().value;
         let draw = |index| {
             let mut stream = stream(0, Purpose::TuningConfiguration, 0, index);
             parameter.draw(&mut stream).text

@@ -5,8 +5,8 @@ use crate::tabular::Algorithm;
 use crate::tabular::belief::{Belief, Posterior};
 use crate::tabular::planner::Optimism;
 use crate::tabular::seed::sample_posterior;
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::tabular::{Mdp, Model};
+use seedbed_random::{Purpose, stream};
 
 impl TabularTeam {
     /// Sets `self.mdp` to the MDP that the algorithm derives for an agent from the latest belief.

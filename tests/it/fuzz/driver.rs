@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_random::{Purpose, Stream, stream};
 
 use crate::util::stderr;
 

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use seedbed::study::plan::StudyPlan;
-use seedbed_env::random::Stream;
+use seedbed_random::Stream;
 
 use super::driver::Target;
 use super::mutate::{Texts, any, change_bytes};

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use rand::RngExt;
-use seedbed_env::random::Stream;
+use seedbed_random::Stream;
 
 /// Numbers at which computations overflow, round to zero or change their sign.
 const EXTREME_NUMBERS: [&str; 28] = [

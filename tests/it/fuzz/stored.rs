@@ -19,7 +19,7 @@ use seedbed::study::report;
 use seedbed::study::results::Results;
 use seedbed::study::store::StudyFolder;
 use seedbed::text::align_columns;
-use seedbed_env::random::Stream;
+use seedbed_random::Stream;
 
 use super::driver::Target;
 use super::mutate::{any, change_bytes};

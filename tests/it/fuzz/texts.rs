@@ -12,8 +12,8 @@ use seedbed::study::plan::StudyPlan;
 use seedbed::study::tuning::plan::{TuningError, TuningFile};
 use seedbed::tabular::scenario::TabularScenario;
 use seedbed_env::expression::{Evaluator, Previous, Program, Type, ValueTable, Variable, compile};
-use seedbed_env::input::{self, Document, FileKind, InputError};
-use seedbed_env::random::Stream;
+use seedbed_input::{Document, FileKind, InputError};
+use seedbed_random::Stream;
 
 use super::driver::Target;
 use super::mutate::Texts;
@@ -40,7 +40,7 @@ impl TextFile {
             .flat_map(|folder| files_below(&Path::new(REPOSITORY).join(folder), "ron"));
         let texts = files
             .filter_map(|file| fs::read_to_string(file).ok())
-            .filter(|text| input::file_kind("", text).is_ok_and(is_kind));
+            .filter(|text| seedbed_input::file_kind("", text).is_ok_and(is_kind));
         let texts = Texts::new(texts);
         Box::new(Self { path, texts, read })
     }
@@ -86,11 +86,11 @@ fn assert_is_located(error: &InputError, input: &[u8]) {
 /// What a text leaves out has no place in it: a default that does not fit to the rest. Other errors
 /// are those of a text that is not even RON.
 fn may_lack_place(text: &str) -> bool {
-    text.trim().is_empty() || input::check_ron_value(text).is_ok() || only_comments(text)
+    text.trim().is_empty() || seedbed_input::check_ron_value(text).is_ok() || only_comments(text)
 }
 
 fn only_comments(text: &str) -> bool {
-    input::file_kind("", text).is_err_and(|error| error.message.contains("but it is empty"))
+    seedbed_input::file_kind("", text).is_err_and(|error| error.message.contains("but it is empty"))
 }
 
 /// Copies the files of the repository to which inputs may refer.
@@ -126,7 +126,7 @@ pub(super) fn scenarios(folder: &Path) -> Box<dyn Target> {
         |kind| matches!(kind, FileKind::Scenario | FileKind::TabularScenario),
         |path| {
             let text = input_files::read_text(path)?;
-            match input::file_kind(&path.display().to_string(), &text)? {
+            match seedbed_input::file_kind(&path.display().to_string(), &text)? {
                 FileKind::TabularScenario => {
                     seedbed::tabular::scenario::load(path, &[]).map(|_| ())
                 }
@@ -290,7 +290,7 @@ pub(super) fn overrides(folder: &Path) -> Box<dyn Target> {
 }
 
 fn document<T: serde::de::DeserializeOwned>(text: &str) -> Document<T> {
-    input::parse("scenario.ron", text.to_owned()).unwrap()
+    seedbed_input::parse("scenario.ron", text.to_owned()).unwrap()
 }
 
 impl Target for Overrides {

@@ -14,9 +14,9 @@ use std::path::Path;
 
 use rand::RngExt;
 use seedbed::run::Plan;
-use seedbed_env::input::InputError;
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Physics, TaskDescription};
+use seedbed_input::InputError;
+use seedbed_random::{Purpose, Stream, stream};
 
 use crate::util::{command, stderr};
 

@@ -8,7 +8,6 @@ use rand::RngExt;
 use schemars::{JsonSchema, SchemaGenerator};
 use seedbed::record::RecordingSettings;
 use seedbed::scenario::Scenario;
-use seedbed_env::random::Stream;
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::cross_entropy::CrossEntropy;
 use seedbed_learn::algorithms::leader_followers::LeaderFollowers;
@@ -16,6 +15,7 @@ use seedbed_learn::algorithms::seed_pg::config::SeedPg;
 use seedbed_learn::algorithms::seed_psrl::SeedPsrl;
 use seedbed_learn::algorithms::value_based::config::{BootstrappedDqn, QLearning, SeedTd};
 use seedbed_learn::algorithms::value_based::hyper_agent::HyperAgent;
+use seedbed_random::Stream;
 use serde_json::Value;
 
 use super::{number, positive};

@@ -1,8 +1,8 @@
 //! Generated tasks, and playing them with random actions.
 
 use rand::RngExt;
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Choice, Environment, Physics, Pose, Status, TaskDescription, build};
+use seedbed_random::{Purpose, Stream, stream};
 
 use super::{number, positive};
 use crate::util::REPOSITORY;

@@ -5,8 +5,8 @@ use rerun::log::LogMsg;
 use seedbed::record::rerun::RerunRecorder;
 use seedbed::record::{AxisChoice, ColorBy, Difference, Recorder, RecordingSettings};
 use seedbed_env::Status;
-use seedbed_env::input::numbers::ranged_count;
 use seedbed_figure::color::dark::sequential_color;
+use seedbed_input::numbers::ranged_count;
 use seedbed_learn::experience::Episode;
 
 use super::contents::{RecordingContents, messages};

@@ -7,7 +7,7 @@ use seedbed::record::rerun::RerunRecorder;
 use seedbed::record::{AxisChoice, Recorder, RecordingSettings, RoundRecord};
 use seedbed::run::Plan;
 use seedbed::run::trainer::Trainer;
-use seedbed_env::input::numbers::{FiniteNumber, ranged_count, ranged_number};
+use seedbed_input::numbers::{FiniteNumber, ranged_count, ranged_number};
 
 use super::super::util::REPOSITORY;
 use super::contents::RecordingContents;

@@ -2,8 +2,8 @@
 
 use seedbed::record::recording::Recording;
 use seedbed::record::{BodyTrajectory, RecordingSettings, SceneSettings};
-use seedbed_env::input::numbers::ranged_count;
 use seedbed_env::{Force, ForceSource, Pose, SceneRope, SceneRopeEnd};
+use seedbed_input::numbers::ranged_count;
 use seedbed_learn::experience::Episode;
 
 use super::contents::RecordingContents;

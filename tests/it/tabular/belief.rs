@@ -4,10 +4,10 @@
 use approx::assert_relative_eq;
 use seedbed::tabular::belief::{Belief, Posterior};
 use seedbed::tabular::seed::{AgentSeed, RewardSeeds, sample_posterior};
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::tabular::{
     BipolarChain, DeepSea, Mdp, Model, Outcome, ParallelChains, Prior, Reward, TaskFamily,
 };
+use seedbed_random::{Purpose, stream};
 
 /// A model with one state and one action, whose unknown mean reward is θ.
 fn model_of_one_reward(prior: Prior) -> Model {

@@ -3,14 +3,13 @@
 use approx::assert_relative_eq;
 use proptest::prelude::*;
 use seedbed::tabular::planner::{Optimism, Planner};
-use seedbed_env::input;
 use seedbed_env::tabular::{
     BipolarChain, DeepSea, MaximumRewardPath, Mdp, Model, Outcome, ParallelChains, Reward,
     TaskFamily,
 };
 
 fn parse_task(text: &str) -> TaskFamily {
-    input::parse("test", text.to_owned())
+    seedbed_input::parse("test", text.to_owned())
         .unwrap_or_else(|error| panic!("{error}"))
         .value
 }

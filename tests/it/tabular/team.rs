@@ -5,10 +5,9 @@ use seedbed::scenario::overrides::Resolve;
 use seedbed::tabular::TabularScenario;
 use seedbed::tabular::results::Results;
 use seedbed::tabular::team::{Episode, TabularTeam};
-use seedbed_env::input;
 
 fn parse_scenario(text: &str) -> TabularScenario {
-    input::parse("test", format!("TabularScenario({text})"))
+    seedbed_input::parse("test", format!("TabularScenario({text})"))
         .unwrap_or_else(|error| panic!("{error}"))
         .value
 }
@@ -55,7 +54,8 @@ fn the_same_run_seed_gives_the_same_bits() {
                 "task: {task}, agents: (count: 12), episodes: 2, algorithm: {algorithm}"
             ));
             let resolved_text = scenario.resolved();
-            let resolved: TabularScenario = input::parse("test", resolved_text).unwrap().value;
+            let resolved: TabularScenario =
+                seedbed_input::parse("test", resolved_text).unwrap().value;
             assert_eq!(play(&scenario), play(&resolved), "{task}, {algorithm}");
             let other_run_seed = TabularScenario {
                 seed: 1,

@@ -1,7 +1,7 @@
 //! Integration of second-order equations of motion, q̈ = f(q, q̇, F).
 
 use super::trigonometry::Trigonometry;
-use crate::input::numbers::ceil_decimal;
+use seedbed_input::numbers::ceil_decimal;
 
 /// Positions and velocities of N coordinates, or the rates of both.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_distr::{Distribution as _, Normal};
 
-use crate::random::Stream;
+use seedbed_random::Stream;
 
 /// The distribution of a random number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,7 +55,7 @@ impl Distribution {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::{Purpose, stream};
+    use seedbed_random::{Purpose, stream};
 
     /// Mean and standard deviation of 10,000 draws.
     fn moments(distribution: Distribution) -> (f64, f64) {

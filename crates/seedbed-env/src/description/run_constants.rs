@@ -1,7 +1,7 @@
 //! Numbers that are drawn once per run.
 
 use super::Distribution;
-use crate::random::{Purpose, stream};
+use seedbed_random::{Purpose, stream};
 
 /// A number that is drawn once per run, and is the same in all episodes of all agents of the run.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,8 +7,8 @@ use syn::{BinOp, Block, Expr, ExprBinary, ExprCall, ExprIf, ExprLit, ExprUnary, 
 use super::delimiters::tokenization_error;
 use super::operation::{FUNCTIONS, Operation};
 use super::{Instruction, Operand, Program, Type};
-use crate::input::limits::MAX_FORMULA_BYTES;
-use crate::input::{nearest_name, quoted_list};
+use seedbed_input::limits::MAX_FORMULA_BYTES;
+use seedbed_input::{nearest_name, quoted_list};
 
 /// A name that a formula may use.
 #[derive(Clone, Debug, PartialEq, Eq)]

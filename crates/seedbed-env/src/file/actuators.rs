@@ -6,8 +6,8 @@ use super::resolve::Resolver;
 use super::{Actuator, Control, Direction, Vector};
 use crate::Action;
 use crate::description::{self, BodyTask, Drive, Servo, ServoTarget};
-use crate::input::numbers::{FiniteNumber, NonNegative, Positive};
-use crate::input::{Located, ValidationError};
+use seedbed_input::numbers::{FiniteNumber, NonNegative, Positive};
+use seedbed_input::{Located, ValidationError};
 
 /// What an actuator acts on.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

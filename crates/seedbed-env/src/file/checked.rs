@@ -5,8 +5,8 @@ use serde::Deserialize;
 
 use super::{Control, DiscreteValues, Distribution};
 use crate::expression::RESERVED_NAMES;
-use crate::input::limits::MAX_NAME_BYTES;
-use crate::input::numbers::{FiniteNumber, Positive};
+use seedbed_input::limits::MAX_NAME_BYTES;
+use seedbed_input::numbers::{FiniteNumber, Positive};
 
 /// An interval of two finite numbers, `(low, high)` with low < high.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]

@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 use serde::de::IgnoredAny;
 
 use self::fields::{Field, FileParts};
-use crate::input::limits::MAX_EXTENDED_FILES;
-use crate::input::{self, Disk, FileSource, InputError};
+use seedbed_input::limits::MAX_EXTENDED_FILES;
+use seedbed_input::{Disk, FileSource, InputError};
 
 /// The text of a task file, merged with the fields of the files that it extends.
 pub(super) struct MergedText {
@@ -279,14 +279,14 @@ impl SourceFile {
         })
     }
 
-    fn kind(&self) -> Result<input::FileKind, InputError> {
-        input::file_kind(&self.origin, &self.text)
+    fn kind(&self) -> Result<seedbed_input::FileKind, InputError> {
+        seedbed_input::file_kind(&self.origin, &self.text)
     }
 
     /// The name in the field `extends`.
     fn base_name(&self, extends: &Field) -> Result<String, InputError> {
         let value = &self.text[extends.value.clone()];
-        let name = input::parse::<Option<String>>("", value.to_owned());
+        let name = seedbed_input::parse::<Option<String>>("", value.to_owned());
         if let Ok(Some(name)) = name.map(|document| document.value) {
             return Ok(name);
         }
@@ -297,12 +297,12 @@ impl SourceFile {
     /// An error about the value of the field `extends`.
     fn extends_error(&self, extends: &Field, message: String, help: Option<String>) -> InputError {
         let (origin, text) = (&self.origin, &self.text);
-        input::error_at(origin, text, extends.value.start, "extends", message, help)
+        seedbed_input::error_at(origin, text, extends.value.start, "extends", message, help)
     }
 
     /// The error that keeps the text from being split into fields.
     fn syntax_error(&self) -> InputError {
-        match input::parse::<IgnoredAny>(&self.origin, self.text.clone()) {
+        match seedbed_input::parse::<IgnoredAny>(&self.origin, self.text.clone()) {
             Err(error) => error,
             Ok(_) => InputError {
                 origin: self.origin.clone(),
@@ -323,7 +323,7 @@ fn fields_of_file(file: usize, fields: Vec<Field>) -> Vec<FieldOfFile> {
 /// The path of the base `name`: a path relative to `folder` if it ends in `.ron`, else the stem of
 /// a file in `folder`.
 fn base_path(folder: &Path, name: &str) -> PathBuf {
-    if input::is_ron(Path::new(name)) {
+    if seedbed_input::is_ron(Path::new(name)) {
         folder.join(name)
     } else {
         folder.join(format!("{name}.ron"))
@@ -338,7 +338,7 @@ fn same_file(one: &SourceFile, other: &SourceFile) -> bool {
 /// Suggests the task file in `folder` whose name is most similar to `name`.
 fn similar_task(source: &dyn FileSource, folder: &Path, name: &str) -> Option<String> {
     let names = source.names_in(folder);
-    input::nearest_name(name, names.iter().map(String::as_str))
+    seedbed_input::nearest_name(name, names.iter().map(String::as_str))
         .map(|near| format!("did you mean `{near}`?"))
 }
 

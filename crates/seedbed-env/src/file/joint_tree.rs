@@ -3,7 +3,7 @@
 use super::resolve::Resolver;
 use super::{Joint, JointKind, RotationDirection};
 use crate::description;
-use crate::input::ValidationError;
+use seedbed_input::ValidationError;
 
 impl Resolver<'_> {
     /// The joints, which must form trees rooted in the world or in free bodies: the joints of a body

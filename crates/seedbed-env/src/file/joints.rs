@@ -4,8 +4,8 @@ use super::resolve::{MAX_MASS, Resolver, find_index, formula};
 use super::{Distribution, Force, ForceFrame, Joint, JointKind, StartCoordinate, Vector};
 use crate::description::{self, Drive, PassiveForces};
 use crate::expression::Type;
-use crate::input::numbers::{FiniteNumber, NonNegative};
-use crate::input::{Located, ValidationError};
+use seedbed_input::numbers::{FiniteNumber, NonNegative};
+use seedbed_input::{Located, ValidationError};
 
 impl Joint {
     /// The joint's range.

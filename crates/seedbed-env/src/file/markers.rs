@@ -7,8 +7,8 @@ use super::surfaces::shape;
 use super::{Geom, Name, zero};
 use crate::description;
 use crate::expression::Type;
-use crate::input::limits::short_list;
-use crate::input::{Located, ValidationError};
+use seedbed_input::limits::short_list;
+use seedbed_input::{Located, ValidationError};
 
 /// Shapes that are drawn at a place that formulas give. Nothing touches them.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

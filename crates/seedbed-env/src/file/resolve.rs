@@ -9,11 +9,11 @@ use super::{AnalyticModel, Body, DrawnNumber, Fluid, Geom, Name, Observation, So
 use crate::analytic;
 use crate::description::{self, BodyTask, ColumnLayout, Formulas, Inertial};
 use crate::expression::{Previous, Program, Type, Variable, compile};
-use crate::input::numbers::{FiniteNumber, Positive};
-use crate::input::{Located, ValidationError};
 use crate::{
     Quantity, Scene, SceneBody, SceneRope, SceneRopeEnd, Shape, TaskSpec, caught_panic, physics,
 };
+use seedbed_input::numbers::{FiniteNumber, Positive};
+use seedbed_input::{Located, ValidationError};
 
 /// The name of the body that does not move, to which joints without a parent body are attached.
 const WORLD: &str = "world";

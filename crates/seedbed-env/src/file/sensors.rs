@@ -6,8 +6,8 @@ use super::resolve::{Resolver, formula};
 use super::{Collider, Direction, ForceFrame, Sensor, Vector};
 use crate::description::{self, BodyPoint, Measurement, Subtree};
 use crate::expression::Type;
-use crate::input::numbers::Positive;
-use crate::input::{Located, ValidationError};
+use seedbed_input::numbers::Positive;
+use seedbed_input::{Located, ValidationError};
 
 /// An axis of the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]

@@ -5,11 +5,11 @@ use serde::{Deserialize, Deserializer, de};
 use super::resolve::Resolver;
 use super::{Direction, Name, Terrain, Vector};
 use crate::description::{self, Surface};
-use crate::input::limits::MAX_POINTS;
-use crate::input::numbers::{FiniteNumber, Fraction, Length, NonNegative};
-use crate::input::{Located, ValidationError};
 use crate::kinematics::single_angle;
 use crate::{Shape, caught_panic, physics};
+use seedbed_input::limits::MAX_POINTS;
+use seedbed_input::numbers::{FiniteNumber, Fraction, Length, NonNegative};
+use seedbed_input::{Located, ValidationError};
 
 /// A shape that can touch other shapes.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

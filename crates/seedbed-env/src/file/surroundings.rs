@@ -5,8 +5,8 @@ use serde::Deserialize;
 use super::resolve::Resolver;
 use super::{Body, Name, Vector};
 use crate::description;
-use crate::input::numbers::{Length, NonNegative, Positive};
-use crate::input::{Located, ValidationError};
+use seedbed_input::numbers::{Length, NonNegative, Positive};
+use seedbed_input::{Located, ValidationError};
 
 /// A maximum distance between two points. It pulls when it is taut and never pushes.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

@@ -7,9 +7,9 @@ use super::surfaces::FARTHEST;
 use super::{DrawnNumber, Name};
 use crate::description;
 use crate::expression::{Previous, Type, Variable};
-use crate::input::limits::short_list;
-use crate::input::numbers::{Count, FiniteNumber, Length};
-use crate::input::{Located, ValidationError};
+use seedbed_input::limits::short_list;
+use seedbed_input::numbers::{Count, FiniteNumber, Length};
+use seedbed_input::{Located, ValidationError};
 
 /// A line of points at equal distances along x, whose heights are drawn at the start of each episode.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

@@ -404,8 +404,8 @@ mod tests {
 
     use super::*;
     use crate::description::TaskDescription;
-    use crate::random::{Purpose, stream};
     use crate::{load, parse};
+    use seedbed_random::{Purpose, stream};
 
     fn task(file: &str) -> BodyTask {
         let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::model::{Coordinate, Model, Outcome, Prior, Reward};
-use crate::input::numbers::{Count, ranged_count};
+use seedbed_input::numbers::{Count, ranged_count};
 
 /// Vertices 0 to N − 1 in a row. Episodes start in the middle and end at either end, or after 3N/2
 /// steps. The step to one end is rewarded with N, the step to the other with −N, any other with −1.

@@ -4,10 +4,10 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::model::{Coordinate, Mdp, Model, Outcome, Prior, Reward};
-use crate::input::numbers::{
+use seedbed_input::numbers::{
     Count, FractionBelowOne, NonNegative, Positive, ranged_count, ranged_number,
 };
-use crate::random::Stream;
+use seedbed_random::Stream;
 
 /// A grid of N × N cells. An episode starts in the upper left corner. Each step moves one row down
 /// and one column to the left or right; a move to the right costs `move_cost` / N. The episode ends

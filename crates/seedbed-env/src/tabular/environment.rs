@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Mdp, Model, TaskFamily};
 use crate::dynamics::{from_bytes, to_bytes};
-use crate::random::Stream;
 use crate::{Environment, Quantity, Status, TaskSpec};
+use seedbed_random::Stream;
 
 /// How a state is observed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

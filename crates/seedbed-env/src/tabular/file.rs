@@ -5,9 +5,9 @@ use serde::Deserialize;
 use super::environment::{StateEncoding, TabularTask};
 use super::{Mdp, Model, TaskFamily};
 use crate::description::TaskDescription;
-use crate::input::numbers::FiniteNumber;
-use crate::input::{self, InputError, Located, ValidationError};
 use crate::{Action, TaskSpec};
+use seedbed_input::numbers::FiniteNumber;
+use seedbed_input::{InputError, Located, ValidationError};
 
 /// A file of a tabular task: `TabularEnvironment(…)`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -41,7 +41,7 @@ pub(crate) struct TabularTaskFile {
 /// # Errors
 /// Something in the text is wrong.
 pub(crate) fn parse(name: &str, origin: &str, text: &str) -> Result<TaskDescription, InputError> {
-    let document = input::parse::<TabularTaskFile>(origin, text.to_owned())?;
+    let document = seedbed_input::parse::<TabularTaskFile>(origin, text.to_owned())?;
     let file = &document.value;
     if let Some(base) = &file.extends {
         return Err(document.locate(base.error("`extends` is given twice")));

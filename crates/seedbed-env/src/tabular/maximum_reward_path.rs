@@ -4,10 +4,10 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::model::{Coordinate, Model, Outcome, Prior, Reward};
-use crate::input::numbers::{
+use seedbed_input::numbers::{
     Count, FiniteNumber, NonNegative, Positive, ranged_count, ranged_number,
 };
-use crate::random::Stream;
+use seedbed_random::Stream;
 
 /// A connected random graph of N vertices, in which any two are neighbors with probability 2 ln N /
 /// N (Erdős–Rényi). A walk of H steps starts at vertex 0. Each edge has a reward of mean θ, whose

@@ -23,7 +23,7 @@ pub use maximum_reward_path::MaximumRewardPath;
 pub use model::{Coordinate, Mdp, Model, Outcome, Prior, Reward};
 pub use parallel_chains::ParallelChains;
 
-use crate::random::{Purpose, Stream, stream};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// A family of tabular tasks, from which a run draws one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -4,7 +4,7 @@
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::random::Stream;
+use seedbed_random::Stream;
 
 /// The known part of a task: its tables, and the prior over the unknown parameters.
 ///

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::model::{Coordinate, Model, Outcome, Prior, Reward};
-use crate::input::numbers::{Count, NonNegative, Positive, ranged_count, ranged_number};
+use seedbed_input::numbers::{Count, NonNegative, Positive, ranged_count, ranged_number};
 
 /// C chains of H edges that start at one vertex. The first step chooses a chain; its last edge is
 /// rewarded with N(θ, noise²), all others with 0. The prior of chain c = 1 … C is θ ~ N(0, variance

@@ -3,8 +3,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Environment, GivenStart, Physics, parse, physics_warnings};
+use seedbed_random::{Purpose, stream};
 
 use crate::{build_bodies, parse_bodies};
 

@@ -4,8 +4,8 @@ use seedbed_env::build_dynamics;
 use seedbed_env::description::BodyTask;
 use seedbed_env::dynamics::Dynamics;
 use seedbed_env::kinematics::{Frame, KinematicTree};
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Force, ForceSource, Physics, Pose};
+use seedbed_random::{Purpose, stream};
 
 use crate::{build_bodies, parse_bodies};
 

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use rand::RngExt;
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Choice, Environment, Physics, Pose, Status, TaskDescription, build, load};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// The files of a folder of the repository that end in `.ron`, in order.
 fn files(folder: &str) -> Vec<PathBuf> {

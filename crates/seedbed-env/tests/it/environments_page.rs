@@ -1,7 +1,7 @@
 //! `envs/README.md` is up to date: its task files run, and it names every construct of task files.
 
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Physics, build, parse};
+use seedbed_random::{Purpose, stream};
 
 const PAGE: &str = include_str!("../../../../envs/README.md");
 

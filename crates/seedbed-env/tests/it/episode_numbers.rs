@@ -1,10 +1,10 @@
 //! Numbers that are drawn at the start of each episode (`drawn_per_episode`), markers, and episodes
 //! that start in a given state.
 
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{
     Environment, GivenStart, Physics, Pose, StartNames, TaskDescription, build, parse,
 };
+use seedbed_random::{Purpose, Stream, stream};
 
 /// A bead on a wire that has to come to a target.
 fn bead() -> TaskDescription {

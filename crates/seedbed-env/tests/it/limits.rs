@@ -3,8 +3,8 @@
 
 use rand::RngExt;
 use seedbed_env::description::BodyTask;
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Physics, PhysicsWarning, build_dynamics, load, parse, physics_warnings};
+use seedbed_random::{Purpose, Stream, stream};
 
 use crate::{build_bodies, parse_bodies, repository};
 

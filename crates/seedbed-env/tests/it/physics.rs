@@ -6,8 +6,8 @@ use seedbed_env::analytic::cartpole::CartPole;
 use seedbed_env::build_dynamics;
 use seedbed_env::description::BodyTask;
 use seedbed_env::dynamics::Dynamics;
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Physics, Status};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// x, θ, ẋ, θ̇.
 type State = [f64; 4];

@@ -1,7 +1,7 @@
 //! Numbers of tasks of rigid bodies that are drawn once per run (`drawn_per_run`).
 
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Environment, Physics, Status, TaskDescription, build, load, parse};
+use seedbed_random::{Purpose, stream};
 
 /// A bead on a wire. The constants are visible in every kind of formula.
 fn bead() -> TaskDescription {

@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Environment, GivenStart, Physics};
+use seedbed_random::{Purpose, stream};
 
 use crate::{build_bodies, parse_bodies};
 

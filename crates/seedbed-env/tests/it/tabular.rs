@@ -1,8 +1,8 @@
 //! Deep sea as an environment for agents that do not know its tables.
 
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::tabular::TaskFamily;
 use seedbed_env::{Environment, Physics, Status, TaskDescription, build, parse};
+use seedbed_random::{Purpose, stream};
 
 /// A task of deep sea with these fields of `DeepSea(…)` and of the file.
 fn sea(sea_fields: &str, file_fields: &str) -> TaskDescription {

@@ -2,8 +2,8 @@
 //! passes through a wall.
 
 use rand::RngExt;
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Environment, Physics, Status, TaskDescription, build, load};
+use seedbed_random::{Purpose, Stream, stream};
 
 fn task(name: &str) -> TaskDescription {
     let path = crate::repository().join(format!("envs/{name}.ron"));

@@ -1,7 +1,7 @@
 //! Ground that is drawn at the start of each episode.
 
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::{Environment, Physics, build, parse};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// A ball above ground of nine points. `terrain`: what the formula of the heights needs.
 fn ball(terrain: &str, copies: usize) -> Box<dyn Environment> {

@@ -27,9 +27,9 @@ use crate::nn::{Activations, Initial, Mlp};
 use crate::seed::{RewardSeeds, SameInitial};
 use crate::team::EpisodeInfo;
 use seedbed_env::TaskSpec;
-use seedbed_env::input::Located;
-use seedbed_env::input::numbers::{Count, ranged_count, ranged_number};
-use seedbed_env::random::Stream;
+use seedbed_input::Located;
+use seedbed_input::numbers::{Count, ranged_count, ranged_number};
+use seedbed_random::Stream;
 
 /// One of K agents. `act` takes `&self` and `update` takes an `&Experience`, so that agents can act
 /// in parallel, and can learn in parallel from the same episodes.

@@ -16,8 +16,8 @@ use super::{ActScratch, Tensor};
 use crate::math;
 use crate::nn::Mlp;
 use crate::rl::{categorical, gaussian};
-use seedbed_env::input::numbers::Positive;
 use seedbed_env::{Action, Choice, TaskSpec};
+use seedbed_input::numbers::Positive;
 
 /// How an action is chosen from the policy's distribution.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
@@ -477,8 +477,8 @@ mod tests {
     use super::*;
     use crate::nn::{AdamSettings, Initial};
     use seedbed_env::Quantity;
-    use seedbed_env::input::numbers::ranged_number;
-    use seedbed_env::random::{Purpose, stream};
+    use seedbed_input::numbers::ranged_number;
+    use seedbed_random::{Purpose, stream};
 
     fn spec(choices: Vec<Choice>) -> TaskSpec {
         let quantity = |name: &str, range| Quantity {

@@ -7,8 +7,8 @@ use super::network::{Descent, Network};
 use super::policy::{ActionSelection, Policy, network_shape};
 use crate::nn::AdamSettings;
 use crate::rl::policy_loss;
-use seedbed_env::input::numbers::ranged_number;
 use seedbed_env::{Action, Choice, Quantity, TaskSpec};
+use seedbed_input::numbers::ranged_number;
 
 #[derive(Deserialize)]
 struct Reference {

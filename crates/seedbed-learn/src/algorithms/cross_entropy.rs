@@ -22,10 +22,10 @@ use crate::team::{
     ActionRequest, AgentUpdate, LearningRequest, SavedTeam, Team, TeamContext, Workers,
 };
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{
+use seedbed_input::numbers::{
     Count, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number, share_of_count,
 };
-use seedbed_env::random::{Purpose, stream};
+use seedbed_random::{Purpose, stream};
 
 /// The cross-entropy method over policies: each agent plays with parameters drawn from one
 /// Gaussian, which is then fitted to the agents with the highest returns. No gradients.

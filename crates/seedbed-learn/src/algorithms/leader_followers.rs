@@ -31,10 +31,8 @@ use crate::agent::scaling::ObservationScaling;
 use crate::nn::AdamSettings;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{
-    Count, Fraction, NonNegative, Positive, ranged_count, ranged_number,
-};
-use seedbed_env::input::{Located, ValidationError};
+use seedbed_input::numbers::{Count, Fraction, NonNegative, Positive, ranged_count, ranged_number};
+use seedbed_input::{Located, ValidationError};
 
 /// Leader and followers (SAPG, Singla, Agarwal & Pathak 2024): agent 0, the leader, also learns from
 /// episodes of the followers, which learn from their own only. Each agent has networks of its own; in

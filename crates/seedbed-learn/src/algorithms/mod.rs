@@ -20,7 +20,7 @@ use crate::agent::network_info::{NetworkInfo, PlannerInfo};
 use crate::agent::policy::ActionSelection;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
-use seedbed_env::input::ValidationError;
+use seedbed_input::ValidationError;
 
 /// What the configuration of an algorithm provides. Its parameters are documented by the doc
 /// comments of its fields.

@@ -9,8 +9,8 @@ use crate::agent::{ActScratch, Agent, Tensor, Update, UpdateReport};
 use crate::experience::Experience;
 use crate::math::ln;
 use crate::team::{IndependentLearners, Team, TeamContext};
-use seedbed_env::random::Stream;
 use seedbed_env::{Action, Choice, TaskSpec};
+use seedbed_random::Stream;
 
 /// Uniformly random actions: the baseline for learning algorithms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]

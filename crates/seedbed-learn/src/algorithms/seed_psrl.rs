@@ -29,11 +29,11 @@ use crate::team::{
     ActionRequest, AgentUpdate, EpisodeInfo, LearningRequest, SavedTeam, Team, TeamContext, Workers,
 };
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{
+use seedbed_input::numbers::{
     Count, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
-use seedbed_env::input::{Located, ValidationError};
-use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_input::{Located, ValidationError};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// Seed-PSRL: posterior sampling with seeds (Dimakopoulou & Van Roy 2018) in a Bayesian network of the
 /// task. The team learns one network, which predicts the change of each observation, the reward, and

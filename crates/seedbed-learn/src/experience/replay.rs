@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Episode;
 use seedbed_env::Status;
-use seedbed_env::random::Stream;
+use seedbed_random::Stream;
 
 /// Which step of which episode a transition is. The order is that of agents, episodes and steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -318,7 +318,7 @@ fn decode_status([byte]: [u8; 1]) -> Result<Status, String> {
 mod tests {
     use super::*;
     use seedbed_env::TaskSpec;
-    use seedbed_env::random::{Purpose, stream};
+    use seedbed_random::{Purpose, stream};
 
     /// Episode 5 of agent 3. Step t leads from state t to state t + 1, with action t mod 2 and
     /// reward 10 t.

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::kernels::AdamStep;
-use seedbed_env::input::numbers::{FractionBelowOne, NonNegative, Positive, ranged_number};
+use seedbed_input::numbers::{FractionBelowOne, NonNegative, Positive, ranged_number};
 
 /// Parameters of Adam (Kingma & Ba 2015).
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::kernels;
-use seedbed_env::input::numbers::FiniteNumber;
+use seedbed_input::numbers::FiniteNumber;
 
 /// The shape of a network. Its parameters are a flat vector that the caller provides: for each
 /// layer the weights `[in × out]`, then the biases `[out]`.
@@ -319,7 +319,7 @@ impl Layer {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use seedbed_env::random::{Purpose, stream};
+    use seedbed_random::{Purpose, stream};
 
     /// A network 2 → 1 (tanh) → 1: y = w₂ tanh(w₁₁ x₁ + w₁₂ x₂ + b₁) + b₂ = 2 tanh(0.5·1 − 0.25·2 +
     /// 0.1) − 1 = 2 tanh 0.1 − 1.

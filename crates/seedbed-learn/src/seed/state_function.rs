@@ -105,7 +105,7 @@ fn moments(values: &[f32]) -> [f32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::random::{Purpose, stream};
+    use seedbed_random::{Purpose, stream};
 
     /// Over 4,000 other uniformly random states, the mean is within 0.2 σ of 0 and the deviation
     /// within 10 % of σ: both estimates have standard errors below 4 % of σ.

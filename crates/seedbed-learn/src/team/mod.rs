@@ -16,7 +16,7 @@ use crate::agent::{ActScratch, AgentContext, TeamConfig, Tensor, Update};
 use crate::experience::Episode;
 use crate::experience::replay::Replay;
 use seedbed_env::TaskSpec;
-use seedbed_env::random::Stream;
+use seedbed_random::Stream;
 
 pub use independent::IndependentLearners;
 pub use workers::Workers;

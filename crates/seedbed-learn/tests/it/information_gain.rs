@@ -3,10 +3,10 @@
 
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
-use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_learn::nn::bayesian::{Draws, PassBuffers};
 use seedbed_learn::nn::{BayesianNetwork, BayesianSettings, Standardizer};
 use seedbed_learn::rl::information_gain;
+use seedbed_random::{Purpose, Stream, stream};
 
 const INPUTS: usize = 3;
 const OUTPUTS: usize = 2;

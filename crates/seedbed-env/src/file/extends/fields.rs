@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use crate::input;
-
 /// The parts of a file of the form `Kind(name: value, …)`. All positions are byte offsets.
 pub(super) struct FileParts {
     /// Just after the opening parenthesis.
@@ -100,7 +98,7 @@ impl PartialField {
 
 /// Byte offset just after the opening parenthesis of the file; `None` if there is none.
 fn after_opening_parenthesis(text: &str) -> Option<usize> {
-    let start = skip_blank(text, input::after_first_word(text))?;
+    let start = skip_blank(text, seedbed_input::after_first_word(text))?;
     text[start..].starts_with('(').then_some(start + 1)
 }
 
@@ -123,7 +121,7 @@ fn skip_blank(text: &str, mut at: usize) -> Option<usize> {
         if trimmed.starts_with("//") {
             at += trimmed.find('\n').unwrap_or(trimmed.len());
         } else if trimmed.starts_with("/*") {
-            at += input::block_comment_length(trimmed)?;
+            at += seedbed_input::block_comment_length(trimmed)?;
         } else {
             return Some(at);
         }

@@ -2,8 +2,8 @@
 
 use seedbed_env::analytic::mountain_car::MountainCar;
 use seedbed_env::description::Distribution;
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Environment, Physics, Pose};
+use seedbed_random::{Purpose, stream};
 
 use super::task;
 

@@ -3,8 +3,8 @@
 use std::f64::consts::{PI, TAU};
 
 use seedbed_env::description::{BodyTask, Distribution, Measurement, StartCoordinate};
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Physics, Pose};
+use seedbed_random::{Purpose, stream};
 
 use super::{rigid_bodies, start, state, task};
 use crate::{build_bodies, parse_bodies};

@@ -10,7 +10,7 @@ use seedbed_env::Physics;
 use seedbed_env::build_dynamics;
 use seedbed_env::description::BodyTask;
 use seedbed_env::dynamics::Dynamics;
-use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_random::{Purpose, Stream, stream};
 
 fn task(name: &str) -> BodyTask {
     crate::load_bodies(format!("envs/{name}.ron"))

@@ -5,8 +5,8 @@ mod ends;
 
 use seedbed_env::description::BodyTask;
 use seedbed_env::dynamics::Dynamics;
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{GivenStart, Physics, build_dynamics};
+use seedbed_random::{Purpose, stream};
 
 use crate::{build_bodies, parse_bodies};
 

@@ -27,9 +27,9 @@ use crate::experience::{Episode, Experience};
 use crate::nn::MedianScale;
 use crate::rl::information_gain;
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{Count, NonNegative, Positive, ranged_count, ranged_number};
-use seedbed_env::input::{Located, ValidationError};
-use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_input::numbers::{Count, NonNegative, Positive, ranged_count, ranged_number};
+use seedbed_input::{Located, ValidationError};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
 #[derive(Clone, Debug, Default, PartialEq, JsonSchema, Serialize, Deserialize)]

@@ -12,8 +12,8 @@ use crate::cancellation::cancellation_point;
 use crate::experience::Episode;
 use crate::nn::{Activations, AdamSettings, Initial, Mlp};
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{Count, ranged_count};
-use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_input::numbers::{Count, ranged_count};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// The configuration of random network distillation. The inputs of both networks are a state and
 /// the action in this state; in Burda et al. they are the next state.

@@ -14,8 +14,8 @@ use crate::experience::replay::Origin;
 use crate::nn::STANDARDIZED_LIMIT;
 use crate::rl::state_entropy::{self, NeighborScratch};
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{Count, ranged_count};
-use seedbed_env::random::Stream;
+use seedbed_input::numbers::{Count, ranged_count};
+use seedbed_random::Stream;
 
 /// The configuration of the entropy bonus. Distances are those of observations whose display ranges
 /// are scaled to −1 to 1; in the papers, those of encoded images.

@@ -18,8 +18,8 @@ use crate::nn::BayesianSettings;
 use crate::nn::bayesian::{DiagonalGaussian, Draws, PassBuffers};
 use crate::rl::information_gain;
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{Count, Positive, ranged_count, ranged_number};
-use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_input::numbers::{Count, Positive, ranged_count, ranged_number};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// The configuration of VIME and Seed-VIME.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]

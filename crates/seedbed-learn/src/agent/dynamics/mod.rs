@@ -14,8 +14,8 @@ use crate::experience::Episode;
 use crate::nn::bayesian::{BayesianState, PassBuffers};
 use crate::nn::{BayesianNetwork, BayesianSettings, Mlp};
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::Count;
-use seedbed_env::random::Stream;
+use seedbed_input::numbers::Count;
+use seedbed_random::Stream;
 
 /// A distribution over networks that predict what follows from a state and an action.
 pub(crate) struct DynamicsModel {

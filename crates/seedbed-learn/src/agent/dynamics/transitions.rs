@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use crate::agent::Tensor;
 use crate::experience::Episode;
 use crate::nn::{STANDARDIZED_LIMIT, Standardizer};
-use seedbed_env::random::Stream;
 use seedbed_env::{Choice, Status, TaskSpec};
+use seedbed_random::Stream;
 
 /// Turns steps of episodes into rows of inputs and targets for a network.
 pub(crate) struct TransitionEncoder {
@@ -374,8 +374,8 @@ impl ActionEncoding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::random::{Purpose, stream};
     use seedbed_env::{Action, Quantity, Status};
+    use seedbed_random::{Purpose, stream};
 
     fn spec() -> TaskSpec {
         let quantity = |name: &str, range| Quantity {

@@ -6,7 +6,7 @@ pub(crate) mod search;
 
 use self::imagination::{Imagination, ImaginationBuffers};
 use self::search::{Search, SearchBuffers};
-use seedbed_env::random::Stream;
+use seedbed_random::Stream;
 
 /// Buffers for planning, reused from step to step; one per thread that acts.
 #[derive(Debug, Default)]

@@ -14,7 +14,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use crate::agent::dynamics::transitions::ActionEncoding;
 use crate::cancellation::cancellation_point;
-use seedbed_env::random::Stream;
+use seedbed_random::Stream;
 
 /// A search for the sequence of actions with the highest return.
 #[derive(Clone, Debug)]
@@ -226,7 +226,7 @@ fn push_choice(probabilities: &[f32], random: &mut Stream, inputs: &mut Vec<f32>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::random::{Purpose, stream};
+    use seedbed_random::{Purpose, stream};
 
     const SETTINGS: SearchSettings = SearchSettings {
         horizon: 3,

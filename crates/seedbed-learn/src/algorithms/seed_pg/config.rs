@@ -13,10 +13,10 @@ use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
 use crate::nn::AdamSettings;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{
+use seedbed_input::numbers::{
     Count, Fraction, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
-use seedbed_env::input::{Located, ValidationError};
+use seedbed_input::{Located, ValidationError};
 
 /// Seed-PG: policy gradients from shared trajectories, with one fixed seed per agent. Defaults are
 /// those of §5 of the thesis where it states them.

@@ -3,7 +3,7 @@
 use super::config::{AdvantageEstimate, Baseline, Importance, RatioCount, VTrace, ValueTarget};
 use crate::rl::returns::Truncation;
 use crate::rl::{advantage, returns};
-use seedbed_env::input::numbers::Positive;
+use seedbed_input::numbers::Positive;
 
 /// One trajectory as the learning agent evaluates it: `[T]` each.
 #[derive(Clone, Copy)]
@@ -216,7 +216,7 @@ fn truncation(v_trace: VTrace) -> Truncation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input::numbers::ranged_number;
+    use seedbed_input::numbers::ranged_number;
 
     /// γ = ½, r = 1, 2, 4, v = 2, 4, 6, ρ = 2, ½, 3, as in the tests of the formulas.
     const TRAJECTORY: Trajectory<'static> = Trajectory {

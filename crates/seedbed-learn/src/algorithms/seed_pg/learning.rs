@@ -14,8 +14,8 @@ use crate::math;
 use crate::rl::advantage;
 use crate::rl::policy_loss::{self, Surrogate};
 use seedbed_env::Status;
-use seedbed_env::input::numbers::Positive;
-use seedbed_env::random::Stream;
+use seedbed_input::numbers::Positive;
+use seedbed_random::Stream;
 
 impl SeedPgAgent {
     /// Intrinsic rewards and, if they are recorded, advantages of the agent's own steps, before it

@@ -33,8 +33,8 @@ use crate::nn::{Mlp, PopArt, Standardizer};
 use crate::seed::{InitialParameters, RewardPerturbation};
 use crate::team::EpisodeInfo;
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{NonNegative, Positive};
-use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_input::numbers::{NonNegative, Positive};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// One agent of Seed-PG.
 pub struct SeedPgAgent {

@@ -19,10 +19,10 @@ use crate::experience::replay::Replay;
 use crate::nn::AdamSettings;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
-use seedbed_env::input::numbers::{
+use seedbed_input::numbers::{
     Count, Fraction, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
-use seedbed_env::input::{Located, ValidationError};
+use seedbed_input::{Located, ValidationError};
 
 /// Q-learning from the team's replay buffer (thesis §1.4.1; Mnih et al. 2015).
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]

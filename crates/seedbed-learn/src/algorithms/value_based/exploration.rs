@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::math;
 use crate::rl::{categorical, q_learning};
-use seedbed_env::input::numbers::{Count, Fraction, NonNegative, Positive, ranged_number};
+use seedbed_input::numbers::{Count, Fraction, NonNegative, Positive, ranged_number};
 
 /// How an action is chosen from values.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
@@ -103,8 +103,8 @@ impl Exploration {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input::numbers::{ranged_count, ranged_number};
-    use seedbed_env::random::{Purpose, stream};
+    use seedbed_input::numbers::{ranged_count, ranged_number};
+    use seedbed_random::{Purpose, stream};
 
     fn chooser(agent: usize, steps: u64) -> Chooser {
         Chooser {

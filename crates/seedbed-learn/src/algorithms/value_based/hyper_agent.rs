@@ -7,8 +7,8 @@ use super::config::{Composition, Learning, ValueBased};
 use super::exploration::Exploration;
 use super::index::{IndexDraw, IndexOwner, IndexSettings, TargetIndex};
 use crate::agent::bonus::Bonus;
-use seedbed_env::input::Located;
-use seedbed_env::input::numbers::{Count, NonNegative, ranged_count, ranged_number};
+use seedbed_input::Located;
+use seedbed_input::numbers::{Count, NonNegative, ranged_count, ranged_number};
 
 /// HyperAgent (Li, Xu, Han & Luo 2024; epistemic neural networks: Osband et al. 2023) for a team: one
 /// network of the values `Q(s, a; ξ) = o₀(s, a) + Σₘ ξₘ (oₘ(s, a) + β pₘ(s, a))`, and agent k acts

@@ -14,7 +14,7 @@ use super::minibatch::Minibatch;
 use crate::nn::Mlp;
 use crate::rl::index_conditioned::{self, Indices};
 use crate::rl::q_learning;
-use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_random::{Purpose, Stream, stream};
 
 /// How values depend on an index.
 #[derive(Clone, Copy, Debug, PartialEq)]

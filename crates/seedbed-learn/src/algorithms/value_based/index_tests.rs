@@ -7,7 +7,7 @@ use super::tests::{team_in_process, values};
 use super::*;
 use crate::algorithms::value_based::config::ValueBased;
 use crate::nn::Activations;
-use seedbed_env::input::numbers::ranged_number;
+use seedbed_input::numbers::ranged_number;
 
 fn config() -> HyperAgent {
     HyperAgent {

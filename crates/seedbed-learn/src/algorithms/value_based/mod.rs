@@ -41,8 +41,8 @@ use crate::team::{
     ActionRequest, AgentUpdate, LearningRequest, LearningTiming, SavedTeam, Team, TeamContext,
     Workers,
 };
-use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Choice, TaskSpec};
+use seedbed_random::{Purpose, stream};
 
 /// K agents that act by value models. Several agents may act by the same model.
 pub struct ValueTeam {

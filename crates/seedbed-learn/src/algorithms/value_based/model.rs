@@ -18,8 +18,8 @@ use crate::experience::{Episode, Experience};
 use crate::math;
 use crate::nn::{Activations, Initial, Mlp};
 use crate::rl::{categorical, q_learning};
-use seedbed_env::input::numbers::Positive;
-use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_input::numbers::Positive;
+use seedbed_random::{Purpose, Stream, stream};
 
 /// A value model, by which any number of agents may act.
 pub struct ValueModel {

@@ -10,7 +10,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::index;
 use crate::experience::replay::Origin;
 use crate::seed::RewardSeeds;
-use seedbed_env::random::{Purpose, transition_stream};
+use seedbed_random::{Purpose, transition_stream};
 
 /// How one model perturbs transitions.
 #[derive(Clone, Copy, Debug)]
@@ -85,7 +85,7 @@ fn stream_key(origin: Origin) -> (u32, u32, u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input::numbers::ranged_number;
+    use seedbed_input::numbers::ranged_number;
 
     fn perturbation(model: u32) -> Perturbation {
         Perturbation {

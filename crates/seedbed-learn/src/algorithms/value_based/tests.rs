@@ -5,8 +5,8 @@ use super::*;
 use crate::agent::TeamConfig;
 use crate::agent::scaling::ObservationScaling;
 use crate::seed::{RewardSeeds, SameInitial};
-use seedbed_env::input::numbers::{ranged_count, ranged_number};
 use seedbed_env::{Action, Quantity, Status};
+use seedbed_input::numbers::{ranged_count, ranged_number};
 
 /// A chain of three states with one-hot observations: action 0 goes left, action 1 goes right.
 /// Leaving state 2 to the right ends the episode with reward 1; leaving state 0 to the left ends it

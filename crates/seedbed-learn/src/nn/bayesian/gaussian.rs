@@ -174,7 +174,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use rand_distr::{Distribution, StandardNormal};
-    use seedbed_env::random::{Purpose, stream};
+    use seedbed_random::{Purpose, stream};
 
     fn gaussian(mean: f32, deviation: f32) -> DiagonalGaussian {
         DiagonalGaussian {

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use self::gaussian::{multiply_by_softplus_slope, softplus_in_place, softplus_inverse};
 use super::{Adam, AdamSettings, Initial, Mlp};
-use seedbed_env::input::numbers::{Positive, ranged_number};
+use seedbed_input::numbers::{Positive, ranged_number};
 
 /// Parameters of a Bayesian network.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
@@ -282,7 +282,7 @@ mod tests {
     use super::reference::normals;
     use super::*;
     use proptest::prelude::*;
-    use seedbed_env::random::{Purpose, stream};
+    use seedbed_random::{Purpose, stream};
 
     fn network(seed: u64, sizes: &[usize], settings: &BayesianSettings) -> BayesianNetwork {
         BayesianNetwork::new(

@@ -4,7 +4,7 @@
 use rand_distr::{Distribution, StandardNormal};
 
 use super::gaussian::DiagonalGaussian;
-use seedbed_env::random::{Purpose, stream};
+use seedbed_random::{Purpose, stream};
 
 /// Standard-normal random numbers.
 pub(super) fn normals(seed: u64, count: usize) -> Vec<f32> {

@@ -9,8 +9,8 @@ use super::*;
 use crate::agent::TeamConfig;
 use crate::agent::scaling::ObservationScaling;
 use crate::seed::RewardSeeds;
-use seedbed_env::input::numbers::{ranged_count, ranged_number};
 use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
+use seedbed_input::numbers::{ranged_count, ranged_number};
 
 pub(in crate::algorithms) fn spec() -> TaskSpec {
     let quantity = |name: &str| Quantity {

@@ -9,7 +9,7 @@ use crate::algorithms::value_based::config::{Learning, QLearning, ValueBased};
 use crate::algorithms::value_based::tests::spec;
 use crate::experience::replay::Origin;
 use seedbed_env::Status;
-use seedbed_env::input::numbers::{ranged_count, ranged_number};
+use seedbed_input::numbers::{ranged_count, ranged_number};
 
 /// log(1 + d), unweighted.
 fn composition(neighbors: u32) -> Composition {

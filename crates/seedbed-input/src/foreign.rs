@@ -7,10 +7,10 @@ use super::error::{Position, position};
 
 /// What replaces parts of an error of the parser.
 #[derive(Default)]
-pub(super) struct Correction {
-    pub(super) position: Option<Position>,
-    pub(super) message: Option<String>,
-    pub(super) help: Option<String>,
+pub(crate) struct Correction {
+    pub(crate) position: Option<Position>,
+    pub(crate) message: Option<String>,
+    pub(crate) help: Option<String>,
 }
 
 /// A token of a RON file: a text in quotes, a word or number, or a single character.
@@ -24,7 +24,7 @@ struct Token<'a> {
 const OTHER_QUOTES: [char; 9] = ['\'', '`', '“', '”', '„', '‘', '’', '«', '»'];
 
 /// Explains foreign syntax where the parser has stopped, if there is any.
-pub(super) fn correct(text: &str, at: &Position, error: &ron::Error) -> Correction {
+pub(crate) fn correct(text: &str, at: &Position, error: &ron::Error) -> Correction {
     if is_about_a_value(error) {
         return Correction::default();
     }

@@ -55,7 +55,7 @@ pub fn quoted_list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
 }
 
 /// The hint that the most similar name may have been meant.
-pub(super) fn suggestion<'a>(
+pub(crate) fn suggestion<'a>(
     found: &str,
     valid: impl IntoIterator<Item = &'a str>,
 ) -> Option<String> {

@@ -196,7 +196,7 @@ fn readable_size(bytes: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::input::{parse, read_text as read_input};
+    use crate::{parse, read_text as read_input};
 
     #[derive(Debug, serde::Deserialize)]
     struct Team {
@@ -256,11 +256,11 @@ mod tests {
     fn deep_nesting_is_refused() {
         let nested = |depth: usize| "[".repeat(depth) + &"]".repeat(depth);
         for depth in [MAX_NESTING + 1, 100_000] {
-            let error = crate::input::check_ron_value(&nested(depth)).unwrap_err();
+            let error = crate::check_ron_value(&nested(depth)).unwrap_err();
             assert!(!error.is_empty(), "{depth}");
         }
         // A value of any type counts twice.
         let depth = MAX_NESTING / 2 - 8;
-        assert_eq!(crate::input::check_ron_value(&nested(depth)), Ok(()));
+        assert_eq!(crate::check_ron_value(&nested(depth)), Ok(()));
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Syntax, types and ranges are checked while serde reads a file. What can only be checked
 //! afterwards (a name that refers to nothing) is a [`ValidationError`] about a [`Located`] value,
-//! which [`Document::locate`] turns into an error of the same form. This module must not depend on
+//! which [`Document::locate`] turns into an error of the same form. This crate does not depend on
 //! what the files mean.
 
 mod builtin;
@@ -23,13 +23,11 @@ use seedbed_settings::Settings;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
 pub use builtin::{BuiltinFile, DiskAndBuiltin, is_builtin};
-pub(crate) use error::error_at;
-pub use error::{InputError, Position};
+pub use error::{InputError, Position, error_at};
 pub use files::{
     Disk, FileSource, find_upwards, folders_upwards, is_ron, read_text, read_text_from, unreadable,
 };
-pub use kind::{FileKind, file_kind};
-pub(crate) use kind::{after_first_word, block_comment_length};
+pub use kind::{FileKind, after_first_word, block_comment_length, file_kind};
 pub use located::{Document, Located, ValidationError};
 use located::{deserialize, deserialize_silently};
 pub use names::{nearest_name, quoted_list};
@@ -78,3 +76,7 @@ pub fn check_ron_value(text: &str) -> Result<(), String> {
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -22,7 +22,7 @@ pub enum FileKind {
 
 impl FileKind {
     /// All kinds.
-    pub(super) const ALL: [Self; 6] = [
+    pub const ALL: [Self; 6] = [
         Self::Environment,
         Self::TabularEnvironment,
         Self::Scenario,
@@ -111,13 +111,15 @@ fn offset_of(part: &str, text: &str) -> usize {
 }
 
 /// The byte offset behind the word that names the kind of a file.
-pub(crate) fn after_first_word(text: &str) -> usize {
+#[must_use]
+pub fn after_first_word(text: &str) -> usize {
     let word = first_word(text);
     offset_of(word, text) + word.len()
 }
 
 /// Length of the comment with which `text` begins; `None` if it does not end. Block comments nest.
-pub(crate) fn block_comment_length(text: &str) -> Option<usize> {
+#[must_use]
+pub fn block_comment_length(text: &str) -> Option<usize> {
     let (mut depth, mut at) = (0, 0);
     loop {
         let rest = text.get(at..)?;

@@ -30,7 +30,8 @@ pub struct Position {
 }
 
 /// An error about the character of a text that begins at the byte `offset`.
-pub(crate) fn error_at(
+#[must_use]
+pub fn error_at(
     origin: &str,
     text: &str,
     offset: usize,
@@ -88,7 +89,8 @@ impl fmt::Display for InputError {
 impl Position {
     /// The place of a character within the string that begins here. In a string with escapes, whose
     /// characters are not those of the file, the place remains the beginning of the string.
-    pub(super) fn moved(self, (line, column): (usize, usize), text: &str) -> Self {
+    #[must_use]
+    pub fn moved(self, (line, column): (usize, usize), text: &str) -> Self {
         let before: String = self.text.chars().take(self.column - 1).collect();
         let raw = before.ends_with("r\"") || before.ends_with("#\"");
         if !before.ends_with('"') || (!raw && self.text.contains('\\')) {
@@ -106,7 +108,7 @@ impl Position {
 
 /// The place of the first character from `column` on that is not a space: the parser may stop
 /// before a space.
-pub(super) fn position(text: &str, line: usize, column: usize) -> Position {
+pub(crate) fn position(text: &str, line: usize, column: usize) -> Position {
     let text = text.lines().nth(line.saturating_sub(1)).unwrap_or_default();
     let spaces = text
         .chars()

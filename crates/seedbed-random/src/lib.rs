@@ -138,6 +138,10 @@ pub fn transition_stream(
     stream
 }
 
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 #[cfg(test)]
 mod tests {
     use super::*;

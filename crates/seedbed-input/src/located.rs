@@ -60,8 +60,10 @@ impl<T: JsonSchema> JsonSchema for Located<T> {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ValidationError {
     ordinal: Option<u32>,
-    pub(super) message: String,
-    pub(super) help: Option<String>,
+    /// What is wrong, and what was expected.
+    pub message: String,
+    /// What may have been meant.
+    pub help: Option<String>,
     /// Line and column within the value, both from 0.
     within: (usize, usize),
 }
@@ -231,7 +233,7 @@ struct OrdinalCounter {
     error: Option<ValidationError>,
 }
 
-pub(super) fn deserialize<T: DeserializeOwned>(
+pub(crate) fn deserialize<T: DeserializeOwned>(
     origin: &str,
     text: &str,
     error: Option<ValidationError>,
@@ -244,7 +246,7 @@ pub(super) fn deserialize<T: DeserializeOwned>(
 }
 
 /// What a text is, without an explanation of what is wrong in it.
-pub(super) fn deserialize_silently<T: DeserializeOwned>(text: &str) -> Option<T> {
+pub(crate) fn deserialize_silently<T: DeserializeOwned>(text: &str) -> Option<T> {
     read(text).ok()
 }
 

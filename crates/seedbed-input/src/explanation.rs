@@ -5,7 +5,7 @@ use super::kind::FileKind;
 use super::names::{quoted_list, suggestion};
 
 /// The message (what is wrong and what was expected), and a hint at what may have been meant.
-pub(super) fn explain(error: &ron::Error, at: &Position) -> (String, Option<String>) {
+pub(crate) fn explain(error: &ron::Error, at: &Position) -> (String, Option<String>) {
     let message = match error {
         ron::Error::NoSuchStructField {
             expected, found, ..
