@@ -8,17 +8,20 @@
 //!   → each agent's update → measures + state visitation → recorder (run.rrd, tables) → report
 //! ```
 //!
-//! Each module may depend on the modules to its right: [`study`] → [`tabular`] → [`run`]
+//! Each module may depend on the modules to its right: [`study`] → [`experiment`] → [`tabular`] → [`run`]
 //! → [`scenario`] → [`record`] → [`learn`], [`figure`], [`stats`] → [`mod@env`]. `ARCHITECTURE.md`
 //! describes all modules.
 
+pub mod experiment;
 pub mod explore;
 pub mod export;
 pub mod film;
 pub mod input_files;
 pub mod plotting;
+pub mod provenance;
 pub mod record;
 pub mod run;
+pub mod salvage;
 pub mod scenario;
 pub mod study;
 pub mod tabular;

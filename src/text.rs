@@ -195,6 +195,35 @@ pub fn align_columns(rows: &[Vec<String>]) -> Vec<String> {
     rows.iter().map(line).collect()
 }
 
+/// Numbers with a smaller magnitude are rounding errors and are shown as 0.
+const MIN_SHOWN_MAGNITUDE: f64 = 1e-9;
+
+/// A number with three or four significant digits, no trailing zeros, and the minus sign `−`
+/// instead of a hyphen.
+#[must_use]
+pub fn short_number(value: f64) -> String {
+    if value.is_nan() {
+        return "unknown".to_owned();
+    }
+    if value.is_infinite() {
+        return if value > 0.0 {
+            "∞".to_owned()
+        } else {
+            "−∞".to_owned()
+        };
+    }
+    let decimals = match value.abs() {
+        1000.0.. => 0,
+        100.0.. => 1,
+        10.0.. => 2,
+        0.1.. => 3,
+        MIN_SHOWN_MAGNITUDE.. => (2.0 - value.abs().log10().floor()) as usize,
+        _ => 0,
+    };
+    let text = format!("{value:.decimals$}");
+    without_trailing_zeros(&text).replace('-', "−")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -324,5 +353,39 @@ mod tests {
             assert_eq!(split, Some(vec![word.to_owned()]), "{word}");
         }
         assert_eq!(shell_word("plain/path.ron"), "plain/path.ron");
+    }
+
+    #[test]
+    fn numbers_have_three_or_four_significant_digits() {
+        let formatted = [
+            0.0,
+            -1e-10,
+            -0.00001,
+            0.09345,
+            1.0 / 3.0,
+            -12.345,
+            127.5,
+            195.0,
+            1234.5,
+        ]
+        .map(short_number);
+        assert_eq!(
+            formatted,
+            [
+                "0",
+                "0",
+                "−0.00001",
+                "0.0935",
+                "0.333",
+                "−12.35",
+                "127.5",
+                "195",
+                "1234"
+            ]
+        );
+        assert_eq!(
+            [f64::NEG_INFINITY, f64::NAN].map(short_number),
+            ["−∞", "unknown"]
+        );
     }
 }

@@ -6,10 +6,10 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::memory;
 use super::{BenchArgs, CliError, pluralize};
+use seedbed::experiment::{self, Experiment};
 use seedbed::input_files::{self, Directory};
 use seedbed::run::thread_count;
-use seedbed::study::bench::{Bench, BenchReport, BenchTable, Column};
-use seedbed::study::experiment::{self, Experiment};
+use seedbed::study::bench::{self, Bench, BenchReport, BenchTable, Column};
 use seedbed_stats::MIN_RUNS;
 
 pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
@@ -20,7 +20,7 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     if !args.ignore_memory {
         check_memory(args, &experiments)?;
     }
-    let report = first.bench_report();
+    let report = bench::report_of(&**first);
     let printer = TablePrinter::new(&experiments);
     let benches = run_all(&printer, report, &experiments, args)?;
     if args.whole {
@@ -45,7 +45,7 @@ fn load_scenarios(args: &BenchArgs) -> Result<Vec<Arc<dyn Experiment>>, CliError
     }
     let measures: Vec<&str> = experiments
         .iter()
-        .map(|experiment| experiment.bench_report().measure())
+        .map(|experiment| bench::report_of(&**experiment).measure())
         .collect();
     if let Some(differing) = measures.iter().position(|measure| *measure != measures[0]) {
         return Err(CliError::Usage(format!(

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use super::{CliError, pluralize};
+use seedbed::experiment::Experiment;
 use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
-use seedbed::study::experiment::Experiment;
-use seedbed::study::plan::StudyPlan;
+use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular;
 use seedbed_env::{Choice, Physics, TaskSpec, physics_warnings};
@@ -78,11 +78,7 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
         }
         FileKind::Study => {
             let plan = StudyPlan::load(path, false)?;
-            if plan
-                .cells
-                .iter()
-                .any(|cell| cell.source.external().is_none())
-            {
+            if plan.cells.iter().any(|cell| cell.source.found().is_none()) {
                 StudyPlan::load_before_results(path, true)?;
             }
             for cell in &plan.cells {
@@ -129,7 +125,7 @@ pub(super) fn describe_tuning(file: &TuningFile) -> String {
 
 /// Number of runs per cell, such as `20 runs each`, and of runs of others.
 pub(super) fn describe_runs(plan: &StudyPlan) -> String {
-    let external = || plan.cells.iter().filter_map(|cell| cell.source.external());
+    let external = || plan.cells.iter().filter_map(|cell| cell.source.found());
     let mut parts = Vec::new();
     if external().count() < plan.cells.len() {
         parts.push(format!(

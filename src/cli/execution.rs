@@ -11,12 +11,12 @@ use clap::Args;
 use super::interruption::StopRequests;
 use super::progress::StudyProgress;
 use super::{CliError, pluralize, warning_without_locks};
+use seedbed::experiment::RunControl;
+use seedbed::experiment::checkpoint::{CheckpointEvent, RunCheckpoints};
 use seedbed::run::file_lock::FileLock;
 use seedbed::run::thread_count;
-use seedbed::study::experiment::RunControl;
-use seedbed::study::plan::PlannedRun;
-use seedbed::study::run_checkpoint::{CheckpointEvent, RunCheckpoints};
-use seedbed::study::runner;
+use seedbed::study::design::cell::PlannedRun;
+use seedbed::study::execute::runner;
 use seedbed::study::store::{StoredRun, StudyFolder};
 
 /// Options of commands that execute runs in the directory of a study.
@@ -114,13 +114,15 @@ pub(super) fn execute_runs(
         let progress = progress.lock().expect(LOCK_IS_INTACT);
         progress.print(&format!("{label}{event}"));
     };
-    let mut checkpoints = RunCheckpoints::new(folder, &notify);
+    let runs_folder = folder.runs_folder();
+    let mut checkpoints = RunCheckpoints::new(&runs_folder, &notify);
     if let Some(distance) = args.checkpoint_distance {
         checkpoints = checkpoints.with_min_distance(Duration::from_millis(distance));
     }
     let control = RunControl {
         interrupted: stop,
         checkpoints: Some(&checkpoints),
+        digest: "",
     };
     let result = runner::run(runs, folder, jobs(args), control, &report_finished);
     drop(progress);

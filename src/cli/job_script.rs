@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use super::{CliError, StudyArgs, pluralize};
+use seedbed::experiment::COST_PER_MINUTE;
 use seedbed::input_files::{self, BUILTIN_FILES};
-use seedbed::study::plan::StudyPlan;
-use seedbed::study::shard::COST_PER_MINUTE;
+use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::store::StudyFolder;
 use seedbed::text::shell_word;
 

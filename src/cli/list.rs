@@ -9,7 +9,7 @@ use super::{CliError, ListKind, algorithms_page, pluralize};
 use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
 use seedbed::scenario::Scenario;
-use seedbed::study::plan::StudyPlan;
+use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular::Algorithm as TabularAlgorithm;
 use seedbed_input::{FileKind, InputError};

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use super::execution::{jobs, lock_folder};
 use super::study::check_same_study;
 use super::{CliError, StudyArgs, pluralize, verify};
-use seedbed::study::merge::{self, MergeError, Merged};
-use seedbed::study::plan::StudyPlan;
-use seedbed::study::provenance::format_build_id;
-use seedbed::study::runner;
+use seedbed::provenance::format_build_id;
+use seedbed::study::design::plan::StudyPlan;
+use seedbed::study::execute::runner;
 use seedbed::study::store::StudyFolder;
+use seedbed::study::store::merge::{self, MergeError, Merged};
 
 pub(super) fn merge(
     args: &StudyArgs,

@@ -55,14 +55,14 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use self::execution::ExecutionArgs;
+use seedbed::experiment::LoadError;
 use seedbed::record::LiveError;
 use seedbed::record::recording::DEFAULT_VIEWER;
 use seedbed::run::RunError;
 use seedbed::run::checksums::Checksums;
 use seedbed::run::folder::RunFolder;
 use seedbed::run::review::{LoadRunError, LoadedRun};
-use seedbed::study::experiment::LoadError;
-use seedbed::study::shard::Shard;
+use seedbed::study::execute::shard::Shard;
 use seedbed::text::{pluralize, terminal};
 use seedbed_input::InputError;
 

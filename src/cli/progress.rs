@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 
 use seedbed::run::{Observer, Progress};
-use seedbed::study::plan::PlannedRun;
+use seedbed::study::design::cell::PlannedRun;
 
 /// Shows no progress; prints warnings only.
 pub(super) struct NoProgress;

@@ -4,13 +4,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::{CliError, ReportArgs};
-use seedbed::study::claims::{self, ClaimResult};
-use seedbed::study::completeness;
-use seedbed::study::cost::cells_without_policy_gradient;
-use seedbed::study::gate::gates;
-use seedbed::study::published;
+use seedbed::study::evaluate::claims::{self, ClaimResult};
+use seedbed::study::evaluate::completeness;
+use seedbed::study::evaluate::cost::cells_without_policy_gradient;
+use seedbed::study::evaluate::gate::gates;
+use seedbed::study::evaluate::published;
+use seedbed::study::evaluate::results::{Results, ResultsError};
 use seedbed::study::report;
-use seedbed::study::results::{Results, ResultsError};
+use seedbed::study::report::publish;
 use seedbed::study::store::StudyFolder;
 use seedbed_stats::Verdict;
 
@@ -44,7 +45,7 @@ fn publish(folder: &StudyFolder, parent: &Path) -> Result<(), CliError> {
         )));
     }
     let claim_results = claims::evaluate(&results);
-    let written = published::write(&results, &claim_results, parent);
+    let written = publish::write(&results, &claim_results, parent);
     let written = written.map_err(|error| write_error(parent, &error))?;
     if results.audit.is_none() {
         note!("warning: these results are not registered: see `seedbed study --help`");

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::{CliError, pluralize};
-use seedbed::study::salvage::{self, Fate, SalvagedFile};
+use seedbed::salvage::{self, Fate, SalvagedFile};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:

@@ -11,11 +11,12 @@ use super::execution::{
 };
 use super::{CliError, StudyArgs, job_script, memory, merge, pluralize, report, verify};
 use seedbed::input_files;
-use seedbed::study::plan::StudyPlan;
-use seedbed::study::power::powers;
-use seedbed::study::registration::{Lock, RegistrationError};
-use seedbed::study::run_marks::RunMark;
-use seedbed::study::shard::Shard;
+use seedbed::study::design::lock::Lock;
+use seedbed::study::design::lock::RegistrationError;
+use seedbed::study::design::plan::StudyPlan;
+use seedbed::study::design::power::powers;
+use seedbed::study::execute::shard::Shard;
+use seedbed::study::store::run_marks::RunMark;
 use seedbed::study::store::{RunState, StudyFolder};
 use seedbed::text::terminal_line;
 use seedbed_stats::power::MAX_RUNS;
@@ -122,7 +123,8 @@ pub(super) fn registration_error(error: RegistrationError) -> CliError {
 
 /// Registers a study. `folder` may have runs from before.
 fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
-    let lock = Lock::register(plan, folder).map_err(registration_error)?;
+    let lock =
+        Lock::register(plan, |cell| folder.count_runs(&cell.digest)).map_err(registration_error)?;
     let confirmatory = plan
         .study()
         .claims
@@ -451,11 +453,7 @@ fn run_missing(
     warn_of_damaged_files(&missing, folder);
     let to_read = missing.iter().filter(|run| run.name.is_some()).count();
     let to_run = missing.len() - to_read;
-    if plan
-        .cells
-        .iter()
-        .any(|cell| cell.source.external().is_none())
-    {
+    if plan.cells.iter().any(|cell| cell.source.found().is_none()) {
         say!(
             "study      {}: {cells}, {runs} each, {to_run} to run",
             plan.name
@@ -476,7 +474,7 @@ fn run_missing(
 /// Prints how many runs of others were found, and what is wrong with their files.
 fn print_results_of_others(plan: &StudyPlan) {
     for cell in &plan.cells {
-        let Some(external) = cell.source.external() else {
+        let Some(external) = cell.source.found() else {
             continue;
         };
         say!(

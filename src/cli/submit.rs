@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use super::study::{check_same_study, registration_error};
 use super::{CliError, SubmitArgs, pluralize, report};
 use seedbed::input_files::{self, Directory};
-use seedbed::study::plan::StudyPlan;
-use seedbed::study::published;
+use seedbed::study::design::plan::StudyPlan;
+use seedbed::study::evaluate::published;
+use seedbed::study::report::submission::{self, SubmissionError};
 use seedbed::study::store::StudyFolder;
-use seedbed::study::submission::{self, SubmissionError};
 
 pub(super) fn submit(args: &SubmitArgs) -> Result<(), CliError> {
     let path = input_files::find_argument(&args.study, &[Directory::Scenarios])?;

@@ -11,13 +11,15 @@ use super::interruption::StopRequests;
 use super::progress::StudyProgress;
 use super::study::check_same_study;
 use super::{CliError, StudyArgs, pluralize, report};
-use seedbed::study::agreement;
-use seedbed::study::completeness;
-use seedbed::study::draw::Draw;
-use seedbed::study::plan::{PlannedRun, StudyPlan};
-use seedbed::study::published::{self, PublishedRuns};
-use seedbed::study::results::Results;
-use seedbed::study::runner;
+use seedbed::experiment::Outcome;
+use seedbed::study::design::cell::PlannedRun;
+use seedbed::study::design::plan::StudyPlan;
+use seedbed::study::evaluate::agreement;
+use seedbed::study::evaluate::completeness;
+use seedbed::study::evaluate::published::{self, PublishedRuns};
+use seedbed::study::evaluate::results::Results;
+use seedbed::study::execute::draw::Draw;
+use seedbed::study::execute::runner;
 use seedbed::study::store::StudyFolder;
 
 /// How many of the stored runs are repeated.
@@ -175,7 +177,10 @@ fn verify_published(
     let is_published = |run: &PlannedRun<'_>| published.contains(run);
     let chosen = choose(args, plan.distinct_runs(), is_published, amount, folder)?;
     let differing = repeat(plan, &chosen.runs, &|runs, stop, on_verified| {
-        runner::verify_published(runs, &published, jobs(&args.execution), stop, on_verified);
+        let is_reproduced =
+            |run: &PlannedRun<'_>, outcome: &Outcome| published.is_reproduced_by(run, outcome);
+        let jobs = jobs(&args.execution);
+        runner::verify_published(runs, &is_reproduced, jobs, stop, on_verified);
     })?;
     chosen.print(plan, "published", &differing, |_| folder.path().to_owned());
     Ok(differing.len())

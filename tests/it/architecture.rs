@@ -8,7 +8,7 @@ use std::process::Command;
 use super::util::{REPOSITORY, files_below};
 
 /// Path from the repository and text, without comment lines, of each source file of the workbench,
-/// `seedbed-env` and `seedbed-learn`.
+/// and of the crates for tasks, input, learning and random streams.
 fn source_files() -> Vec<(String, String)> {
     let root = Path::new(REPOSITORY);
     let read = |path: PathBuf| {
@@ -24,7 +24,13 @@ fn source_files() -> Vec<(String, String)> {
             .collect();
         (relative_path.replace('\\', "/"), code.join("\n"))
     };
-    let folders = ["src", "crates/seedbed-env/src", "crates/seedbed-learn/src"];
+    let folders = [
+        "src",
+        "crates/seedbed-env/src",
+        "crates/seedbed-input/src",
+        "crates/seedbed-learn/src",
+        "crates/seedbed-random/src",
+    ];
     folders
         .iter()
         .flat_map(|folder| files_below(&root.join(folder), "rs"))
@@ -144,15 +150,17 @@ fn each_heavy_crate_is_used_in_one_folder_only() {
 
 /// The top modules of the workbench in layers. A module may use itself and modules of earlier
 /// layers.
-const LAYERS: [&[&str]; 9] = [
-    &["input_files", "plotting", "text"],
+const LAYERS: [&[&str]; 11] = [
+    &["input_files", "plotting", "provenance", "text"],
     &["record"],
     &["scenario"],
     &["run"],
     &["export", "film"],
     &["explore"],
     &["tabular"],
+    &["experiment"],
     &["study"],
+    &["salvage"],
     &["cli"],
 ];
 
@@ -236,9 +244,9 @@ fn files_are_read_in_one_place() {
         // `/proc`.
         "src/cli/interruption.rs",
         "src/cli/memory.rs",
-        "src/study/run_marks.rs",
+        "src/study/store/run_marks.rs",
         // Its own executable.
-        "src/study/provenance.rs",
+        "src/provenance.rs",
         // Files and folders that it writes.
         "src/record/rerun/serve.rs",
         "src/record/table.rs",

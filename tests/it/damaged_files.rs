@@ -28,9 +28,9 @@ use seedbed::run::ranks::Ranks;
 use seedbed::run::replay::{ReplaySettings, replay};
 use seedbed::run::review::LoadedRun;
 use seedbed::run::{self, Observer, Options, Plan, Progress};
-use seedbed::study::claims;
-use seedbed::study::plan::StudyPlan;
-use seedbed::study::results::Results;
+use seedbed::study::design::plan::StudyPlan;
+use seedbed::study::evaluate::claims;
+use seedbed::study::evaluate::results::Results;
 use seedbed::study::store::StudyFolder;
 
 /// What a reader gives: its output, or its error.

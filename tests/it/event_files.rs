@@ -4,10 +4,10 @@ use std::fs::{self, File};
 use std::path::Path;
 
 use base64::Engine;
+use seedbed::experiment::run_result::RunResult;
 use seedbed::export::event_file::{Event, SessionLog, scalar_event, version_event, write_event};
 use seedbed::study::external::source::{ResultsSource, Values};
 use seedbed::study::external::{ExternalRuns, ExternalSpec, Problem};
-use seedbed::study::run_result::RunResult;
 use serde::Deserialize;
 
 use super::util::REPOSITORY;

@@ -6,8 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use seedbed::study::claims;
-use seedbed::study::results::Results;
+use seedbed::study::evaluate::claims;
+use seedbed::study::evaluate::results::Results;
 use seedbed::study::store::StudyFolder;
 use seedbed_stats::effect_test::{EffectTest, lower_bound, upper_bound};
 use seedbed_stats::means::TwoMeans;

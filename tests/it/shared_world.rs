@@ -5,17 +5,16 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use seedbed::env::TaskSpec;
-use seedbed::record::RecorderFactory;
-use seedbed::run::{Observer, Options, RunError};
-use seedbed::study::bench::BenchReport;
-use seedbed::study::experiment::{
+use seedbed::experiment::measure::Measure;
+use seedbed::experiment::run_result::RunResult;
+use seedbed::experiment::{
     Experiment, RunControl, RunEnding, RunQueue, RunRequest, StopRule, load,
 };
-use seedbed::study::measure::Measure;
-use seedbed::study::plan::StudyPlan;
-use seedbed::study::run_result::RunResult;
-use seedbed::study::run_source::RunSource;
-use seedbed::study::runner::{self, FinishedRun};
+use seedbed::record::RecorderFactory;
+use seedbed::run::{Observer, Options, RunError};
+use seedbed::study::design::plan::StudyPlan;
+use seedbed::study::design::run_source::ScenarioRuns;
+use seedbed::study::execute::runner::{self, FinishedRun};
 use seedbed::study::store::StudyFolder;
 use seedbed_settings::Settings;
 
@@ -329,10 +328,6 @@ impl Experiment for Panicking {
         self.inner
             .run_in_folder(options, recording, observer, interrupted)
     }
-
-    fn bench_report(&self) -> &'static dyn BenchReport {
-        self.inner.bench_report()
-    }
 }
 
 /// A panic ends the run that causes it; the runs in the same world are repeated alone, and those
@@ -349,11 +344,10 @@ fn a_panic_fails_one_run_only() {
     );
     std::fs::write(&study, text).unwrap();
     let mut plan = StudyPlan::load(&study, false).unwrap();
-    let RunSource::Experiment(inner) = plan.cells[0].source.clone() else {
-        panic!("the cell has a scenario");
-    };
+    let overrides = ["stop=Episodes(3)".to_owned()];
+    let inner = load(&scenario, &overrides).unwrap();
     let run_seed = FIRST_RUN_SEED + 4;
-    plan.cells[0].source = RunSource::Experiment(Arc::new(Panicking { inner, run_seed }));
+    plan.cells[0].source = Arc::new(ScenarioRuns::new(Arc::new(Panicking { inner, run_seed })));
     let store = StudyFolder::new(folder.path().join("out"));
     store.write_manifest(&plan).unwrap();
     let failures = Mutex::new(Vec::new());

@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::Path;
 
+use seedbed::experiment::run_result::RunResult;
 use seedbed::study::external::source::{Columns, ResultsSource, SolvedAt, Values};
 use seedbed::study::external::{ExternalRuns, ExternalSpec};
-use seedbed::study::run_result::RunResult;
 use seedbed_input::numbers::{ranged_count, ranged_number};
 
 use super::util::{REPOSITORY, run_successful};

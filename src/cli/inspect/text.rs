@@ -9,12 +9,12 @@ use indicatif::HumanBytes;
 use super::super::sparkline::sparkline;
 use super::super::{bold, green, pluralize};
 use super::Inspected;
+use seedbed::experiment::NO_THRESHOLD;
 use seedbed::record::state_files::StateFiles;
 use seedbed::run::measures::recent::RECENT_ROUNDS;
 use seedbed::run::review::distribution::ValueDistribution;
 use seedbed::run::review::final_mean;
 use seedbed::run::summary::FINAL_WINDOW;
-use seedbed::study::experiment::NO_THRESHOLD;
 use seedbed::text::{terminal_line, without_trailing_zeros};
 
 /// Maximum number of agents for which the overlap of each pair of agents is printed.

@@ -1,11 +1,11 @@
 //! Panels over episodes and rounds: returns, and the columns of `rounds.csv`.
 
 use super::PlottedRun;
+use seedbed::experiment::measure::trailing_means;
 use seedbed::record::metrics::{Metric, Scope, round_metrics_in_display_order};
 use seedbed::record::state_files::Learners;
 use seedbed::run::Plan;
 use seedbed::run::summary::FINAL_WINDOW;
-use seedbed::study::measure::trailing_means;
 use seedbed::text::without_trailing_zeros;
 use seedbed_env::Quantity;
 use seedbed_figure::color::{AGENT_COLORS, OTHERS_COLOR, TEAM_COLOR, categorical_color};

@@ -11,11 +11,11 @@ use std::time::Instant;
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-pub use self::regret::RegretReport;
-pub use self::solving::SolvingReport;
-use super::experiment::{Experiment, RunControl, StopRule};
-use super::measure::Measure;
-use super::run_result::{Milestone, RunResult};
+use self::regret::RegretReport;
+use self::solving::SolvingReport;
+use crate::experiment::measure::Measure;
+use crate::experiment::run_result::{Milestone, RunResult};
+use crate::experiment::{Experiment, RunControl, StopRule};
 use crate::run::RunError;
 use seedbed_stats::Interval;
 
@@ -53,6 +53,16 @@ pub struct Outcome {
     pub env_steps: u64,
     /// Duration of the run, in seconds.
     pub seconds: f64,
+}
+
+/// What a benchmark prints about runs of an experiment.
+#[must_use]
+pub fn report_of(experiment: &dyn Experiment) -> &'static dyn BenchReport {
+    if experiment.knows_regret() {
+        &RegretReport
+    } else {
+        &SolvingReport
+    }
 }
 
 /// What a benchmark of one kind of experiment prints.

@@ -1,13 +1,14 @@
 //! Regret of tabular runs.
 
 use super::{Bench, BenchReport, BenchTable, Column, format_interval};
-use crate::study::comparison::{Quantity, RunScore, Samples};
+use crate::study::evaluate::comparison::{Quantity, Samples};
+use crate::study::evaluate::score::RunScore;
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::bootstrap_estimate;
 
 /// Compares tabular scenarios by their regret.
 #[derive(Clone, Copy, Debug)]
-pub struct RegretReport;
+pub(super) struct RegretReport;
 
 const REGRET_COLUMNS: [Column; 7] = [
     ("agents", 6),

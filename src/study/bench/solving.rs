@@ -1,14 +1,16 @@
 //! Episodes until training solves its task.
 
 use super::{Bench, BenchReport, BenchTable, Column, Outcome, format_interval};
-use crate::study::comparison::{Comparison, Quantity, RunScore, Samples, times_to_event};
+use crate::study::evaluate::comparison::{Comparison, Quantity, Samples};
+use crate::study::evaluate::score::RunScore;
+use crate::study::evaluate::score::times_to_event;
 use seedbed_stats::aggregate::median;
 use seedbed_stats::survival::kaplan_meier;
 
 /// Compares scenarios by the number of episodes until their task is solved. Unsolved runs are
 /// censored: they would need more episodes than their maximum.
 #[derive(Clone, Copy, Debug)]
-pub struct SolvingReport;
+pub(super) struct SolvingReport;
 
 const SOLVING_COLUMNS: [Column; 8] = [
     ("agents", 6),
@@ -220,7 +222,7 @@ fn format_difference(episodes: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::run_result::Milestone;
+    use crate::experiment::run_result::Milestone;
 
     /// Outcomes from numbers of episodes; `+` marks an unsolved run. Each run took one second and
     /// 10 environment steps per episode.

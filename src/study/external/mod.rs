@@ -29,8 +29,8 @@ pub use self::read_run::ExternalRun;
 use self::read_run::ReadRun;
 use self::run_data::Limits;
 use self::source::{ResultsSource, SolvedAt, Values};
-use super::measure::{Curve, Measure, Needs};
-use super::run_result::RunResult;
+use crate::experiment::measure::{Curve, Measure, Needs};
+use crate::experiment::run_result::RunResult;
 use seedbed_input::{InputError, Located, ValidationError};
 
 /// Number of digits of a hash that are shown in messages.
@@ -102,7 +102,7 @@ pub struct ExternalRuns {
     /// Folder of the study.
     folder: PathBuf,
     /// Name of the task.
-    pub(super) task: String,
+    task: String,
     runs: Vec<ReadRun>,
     /// Names of runs that are not used, because their files existed at the registration.
     seen_before: Vec<String>,
@@ -312,6 +312,12 @@ impl ExternalRuns {
     pub fn result(&self, id: u64) -> Option<&RunResult> {
         let mut runs = self.runs.iter();
         runs.find(|run| run.run.id == id).map(|run| &run.result)
+    }
+
+    /// The same runs, of a task with this name.
+    #[must_use]
+    pub fn with_task(self, task: String) -> Self {
+        Self { task, ..self }
     }
 
     /// Name of the task.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::data_file::{FileHash, name_of};
-use crate::study::run_result::RunResult;
+use crate::experiment::run_result::RunResult;
 
 /// A run that others made, in descriptions of studies.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,9 +1,9 @@
 //! Episodes of a run that was read from files, and what studies need of it.
 
 use super::source::SolvedAt;
+use crate::experiment::measure::Curve;
+use crate::experiment::run_result::{Milestone, RunResult};
 use crate::scenario::Rounding;
-use crate::study::measure::Curve;
-use crate::study::run_result::{Milestone, RunResult};
 use seedbed_stats::aggregate::mean;
 
 /// Episodes of one agent, in their order.

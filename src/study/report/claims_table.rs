@@ -2,10 +2,10 @@
 
 use super::format;
 use super::tables::{note_about_early_ends, note_about_times};
-use crate::study::claims::ClaimResult;
-use crate::study::file::Claim;
-use crate::study::gate::gates;
-use crate::study::results::Results;
+use crate::study::design::file::Claim;
+use crate::study::evaluate::claims::ClaimResult;
+use crate::study::evaluate::gate::gates;
+use crate::study::evaluate::results::Results;
 use crate::text::{markdown_cell, markdown_line, pluralize};
 
 pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> String {

@@ -1,39 +1,12 @@
 //! Formats numbers, intervals and comparisons as text.
 
-use crate::study::claims::ClaimResult;
-use crate::study::comparison::Comparison;
-use crate::study::file::{Claim, ClaimDirection};
-use crate::study::measure::Measure;
-use crate::text::{pluralize, without_trailing_zeros};
+use crate::experiment::measure::Measure;
+use crate::study::design::file::{Claim, ClaimDirection};
+use crate::study::evaluate::claims::ClaimResult;
+use crate::study::evaluate::comparison::Comparison;
+use crate::text::pluralize;
+pub(super) use crate::text::short_number as number;
 use seedbed_stats::{Estimate, Interval};
-
-/// Numbers with a smaller magnitude are rounding errors and are shown as 0.
-const MIN_SHOWN_MAGNITUDE: f64 = 1e-9;
-
-/// A number with three or four significant digits, no trailing zeros, and the minus sign `−`
-/// instead of a hyphen.
-pub(in crate::study) fn number(value: f64) -> String {
-    if value.is_nan() {
-        return "unknown".to_owned();
-    }
-    if value.is_infinite() {
-        return if value > 0.0 {
-            "∞".to_owned()
-        } else {
-            "−∞".to_owned()
-        };
-    }
-    let decimals = match value.abs() {
-        1000.0.. => 0,
-        100.0.. => 1,
-        10.0.. => 2,
-        0.1.. => 3,
-        MIN_SHOWN_MAGNITUDE.. => (2.0 - value.abs().log10().floor()) as usize,
-        _ => 0,
-    };
-    let text = format!("{value:.decimals$}");
-    without_trailing_zeros(&text).replace('-', "−")
-}
 
 /// A number, or `unknown`.
 pub(super) fn number_or_unknown(value: Option<f64>) -> String {
@@ -242,36 +215,5 @@ mod tests {
                 "0 to 0"
             ]
         );
-    }
-
-    #[test]
-    fn numbers_have_three_or_four_significant_digits() {
-        let formatted = [
-            0.0,
-            -1e-10,
-            -0.00001,
-            0.09345,
-            1.0 / 3.0,
-            -12.345,
-            127.5,
-            195.0,
-            1234.5,
-        ]
-        .map(number);
-        assert_eq!(
-            formatted,
-            [
-                "0",
-                "0",
-                "−0.00001",
-                "0.0935",
-                "0.333",
-                "−12.35",
-                "127.5",
-                "195",
-                "1234"
-            ]
-        );
-        assert_eq!([f64::NEG_INFINITY, f64::NAN].map(number), ["−∞", "unknown"]);
     }
 }

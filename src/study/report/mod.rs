@@ -5,22 +5,23 @@ mod claims_table;
 mod figures;
 mod format;
 mod page;
-mod rows;
+pub mod publish;
 mod states;
+pub mod submission;
 mod tables;
 
 pub use claims_table::note_about_claim;
-pub(super) use format::number;
 pub use format::summarize_claims;
-pub(super) use rows::{COLUMNS, column, csv};
 use tables::Table;
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::claims::ClaimResult;
-use super::results::Results;
 use crate::run::files;
+use crate::study::evaluate::claims::ClaimResult;
+use crate::study::evaluate::results::Results;
+use crate::study::evaluate::rows;
+use crate::study::store::FIGURES;
 use seedbed_figure::Figure;
 
 /// Number of PNG pixels per CSS pixel, along each side.
@@ -43,9 +44,6 @@ fn write_tables(
     }
     Ok(tables)
 }
-
-/// Name of the folder of a report's figures.
-pub(super) const FIGURES: &str = "figures";
 
 /// Removes a file of an earlier report, if there is one.
 fn remove_earlier(path: &Path) -> io::Result<()> {

@@ -7,17 +7,18 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use super::claims_table::note_about_claim;
 use super::tables::{Table, note_about_early_ends};
 use super::{ReportFigure, format, states};
+use crate::experiment::measure::Measure;
+use crate::provenance;
 use crate::record::difference_of_quantities;
-use crate::study::claims::ClaimResult;
-use crate::study::comparison::Comparison;
-use crate::study::cost::cells_without_policy_gradient;
+use crate::study::design::file::{Claim, FIRST_REPORTING_SEED};
+use crate::study::design::lock::Lock;
+use crate::study::evaluate::claims::ClaimResult;
+use crate::study::evaluate::comparison::Comparison;
+use crate::study::evaluate::cost::cells_without_policy_gradient;
+use crate::study::evaluate::gate::gates;
+use crate::study::evaluate::results::Audit;
+use crate::study::evaluate::results::{CellResults, Results};
 use crate::study::external::{ExternalCell, FileHash};
-use crate::study::file::{Claim, FIRST_REPORTING_SEED};
-use crate::study::gate::gates;
-use crate::study::measure::Measure;
-use crate::study::provenance;
-use crate::study::registration::{Audit, Lock};
-use crate::study::results::{CellResults, Results};
 use crate::text::{html_page, pluralize, shell_word};
 use seedbed_stats::{MIN_RUNS, Verdict};
 
@@ -655,10 +656,11 @@ mod tests {
 
     use super::super::{claims_table, figures, tables};
     use super::*;
-    use crate::study::claims;
-    use crate::study::results::{CellResults, Results};
-    use crate::study::run_result::RunResult;
-    use crate::study::store::{Manifest, ManifestCell};
+    use crate::experiment::run_result::RunResult;
+    use crate::study::design::cell::CellDescription;
+    use crate::study::evaluate::claims;
+    use crate::study::evaluate::results::{CellResults, Results};
+    use crate::study::store::Manifest;
 
     const STUDY: &str = r#"Study(
         title: "Small",
@@ -685,7 +687,7 @@ mod tests {
     }
 
     fn cell(name: &str, max_episodes: u32, return_of_second_agent: f64) -> CellResults {
-        let description = ManifestCell {
+        let description = CellDescription {
             name: name.to_owned(),
             digest: String::new(),
             scenario: "it's a scenario.ron".to_owned(),

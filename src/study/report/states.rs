@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use maud::{Markup, html};
 
+use crate::experiment::run_result::{RunResult, VisitedStates};
 use crate::explore::{Explorer, SampledEpisode, StateSample};
-use crate::study::results::{CellResults, Results};
-use crate::study::run_result::{RunResult, VisitedStates};
+use crate::study::evaluate::results::{CellResults, Results};
 
 /// Maximum number of states of all cells, so that the report stays below some megabytes.
 const MAX_STATES: usize = 100_000;

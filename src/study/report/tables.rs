@@ -3,12 +3,14 @@
 use rayon::prelude::*;
 
 use super::format;
-use crate::study::comparison::{Aggregate, Comparison, Quantity, Samples, summarize_scores};
-use crate::study::cost::{Cost, costs};
-use crate::study::file::Scaling;
-use crate::study::measure::Measure;
-use crate::study::results::{CellResults, Results, default_horizon, earliest_end};
-use crate::study::scaling::{self, Method, Ratio, TeamSize};
+use crate::experiment::measure::Measure;
+use crate::study::design::file::Scaling;
+use crate::study::evaluate::comparison::{
+    Aggregate, Comparison, Quantity, Samples, summarize_scores,
+};
+use crate::study::evaluate::cost::{Cost, costs};
+use crate::study::evaluate::results::{CellResults, Results, default_horizon, earliest_end};
+use crate::study::evaluate::scaling::{self, Method, Ratio, TeamSize};
 use crate::text::{markdown_cell, markdown_line};
 use seedbed_stats::Estimate;
 use seedbed_stats::shares::wilson_interval;

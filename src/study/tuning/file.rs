@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::study::file::FIRST_REPORTING_SEED;
-use crate::study::measure::Measure;
+use crate::experiment::measure::Measure;
+use crate::study::design::file::FIRST_REPORTING_SEED;
 use seedbed_input::numbers::{Count, FiniteNumber, Positive, ranged_count};
 use seedbed_input::{Located, ValidationError};
 

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use super::plan::{TunedMethod, TuningPlan, configuration_name, ron_list, ron_text};
 use super::search::{Score, Search, Tried};
+use crate::experiment::measure::Measure;
 use crate::run::files;
-use crate::study::measure::Measure;
-use crate::study::report::{column, number};
+use crate::study::evaluate::column;
+use crate::text::short_number as number;
 use crate::text::{align_columns, pluralize, spreadsheet_cell};
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::bootstrap::bootstrap_estimate;

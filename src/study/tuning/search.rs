@@ -5,10 +5,10 @@ use std::collections::{BTreeSet, HashSet};
 
 use super::file::Goal;
 use super::plan::{TunedMethod, TuningPlan};
-use crate::study::measure::Measure;
-use crate::study::plan::PlannedRun;
-use crate::study::provenance::BuildId;
-use crate::study::run_result::RunResult;
+use crate::experiment::measure::Measure;
+use crate::experiment::run_result::RunResult;
+use crate::provenance::BuildId;
+use crate::study::design::cell::PlannedRun;
 use crate::study::store::StudyFolder;
 use seedbed_stats::aggregate::mean;
 
@@ -247,7 +247,7 @@ impl Tried {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::run_result::Milestone;
+    use crate::experiment::run_result::Milestone;
 
     fn tried(scores: &[Option<f64>]) -> Tried {
         let score = |score: &Option<f64>| {

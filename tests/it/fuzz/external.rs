@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use seedbed::study::plan::StudyPlan;
+use seedbed::study::design::plan::StudyPlan;
 use seedbed_random::Stream;
 
 use super::driver::Target;

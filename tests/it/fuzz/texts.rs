@@ -8,7 +8,7 @@ use seedbed::input_files;
 use seedbed::run::Plan;
 use seedbed::scenario::Scenario;
 use seedbed::scenario::overrides;
-use seedbed::study::plan::StudyPlan;
+use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::tuning::plan::{TuningError, TuningFile};
 use seedbed::tabular::scenario::TabularScenario;
 use seedbed_env::expression::{Evaluator, Previous, Program, Type, ValueTable, Variable, compile};

@@ -349,7 +349,8 @@ fn with_other_return(bytes: &[u8], returns: [f32; 3], first: f32) -> Vec<u8> {
 
 /// The first returns of agent 0 in the stored result.
 fn first_returns(study: &Stopped) -> [f32; 3] {
-    let plan = seedbed::study::plan::StudyPlan::load(Path::new(&study.study), false).unwrap();
+    let plan =
+        seedbed::study::design::plan::StudyPlan::load(Path::new(&study.study), false).unwrap();
     let folder = seedbed::study::store::StudyFolder::new(&study.out);
     let stored = folder.stored_run(&plan.runs()[0]).unwrap();
     let returns = &stored.outcome.unwrap().returns[0];

@@ -10,9 +10,9 @@ use self::measures::{groups, intervals, profiles, unsolved};
 use self::scaling::{Differences, differences, scaling};
 use self::visitation::visitation;
 use super::ReportFigure;
-use crate::study::figure::Figure;
-use crate::study::measure::{Curve, trailing_means};
-use crate::study::results::{CellResults, Results};
+use crate::experiment::measure::{Curve, trailing_means};
+use crate::study::design::figure::Figure;
+use crate::study::evaluate::results::{CellResults, Results};
 use seedbed_figure::color::{AGENT_COLORS, TEAM_COLOR, agent_color, categorical_color};
 use seedbed_figure::{Curves, Figure as Picture, Panel, Row, Series, Threshold};
 use seedbed_stats::aggregate::median;
@@ -443,8 +443,8 @@ fn capitalized(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::run_result::RunResult;
-    use crate::study::store::ManifestCell;
+    use crate::experiment::run_result::RunResult;
+    use crate::study::design::cell::CellDescription;
 
     fn constant_series(height: f64) -> Series {
         Series {
@@ -468,7 +468,7 @@ mod tests {
             curves: curves.collect(),
             ..RunResult::default()
         };
-        let mut cell = CellResults::without_runs(ManifestCell {
+        let mut cell = CellResults::without_runs(CellDescription {
             name: "cell".to_owned(),
             digest: String::new(),
             scenario: String::new(),

@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::{UnnumberedFigure, capitalized, color};
-use crate::study::comparison::{Quantity, Samples};
-use crate::study::file::has_part;
-use crate::study::measure::Measure;
-use crate::study::results::{CellResults, Results, default_horizon};
-use crate::study::scaling::{Method, best_single_agent, methods, replace_part, values};
+use crate::experiment::measure::Measure;
+use crate::study::design::file::has_part;
+use crate::study::evaluate::comparison::{Quantity, Samples};
+use crate::study::evaluate::results::{CellResults, Results, default_horizon};
+use crate::study::evaluate::scaling::{Method, best_single_agent, methods, replace_part, values};
 use seedbed_figure::{Curves, Figure as Picture, GridNumber, NumberGrid, Panel, Row, Series};
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::ratios::mean_with_log_interval;

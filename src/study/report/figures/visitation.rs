@@ -2,13 +2,13 @@
 //! cell.
 
 use super::{UnnumberedFigure, names_without_common_parts};
+use crate::experiment::run_result::VisitedStates;
 use crate::plotting::axis_with_shares;
 use crate::record::BonusRange;
 use crate::record::visitation::{AXIS_HEIGHT, Axes, Density, Unplaced, VisitedState};
 use crate::record::{difference_of_quantities, widen};
-use crate::study::figure::EpisodeWindow;
-use crate::study::results::CellResults;
-use crate::study::run_result::VisitedStates;
+use crate::study::design::figure::EpisodeWindow;
+use crate::study::evaluate::results::CellResults;
 use crate::text::pluralize;
 use seedbed_env::Quantity;
 use seedbed_figure::{
@@ -307,7 +307,7 @@ fn axes_of_cells(cells: &[&CellResults]) -> Vec<Axes> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::store::ManifestCell;
+    use crate::study::design::cell::CellDescription;
 
     fn cell(name: usize, time_limit: u32) -> CellDensity {
         let axes = Axes::of_quantities(&[], time_limit, BonusRange::None);
@@ -350,7 +350,7 @@ mod tests {
     }
 
     fn cell_of_task(name: &str, unit: &str, range: [f32; 2]) -> CellResults {
-        CellResults::without_runs(ManifestCell {
+        CellResults::without_runs(CellDescription {
             name: name.to_owned(),
             digest: String::new(),
             scenario: String::new(),

@@ -1,0 +1,142 @@
+//! Cells of a study and their runs.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::measure::Measure;
+use crate::input_files;
+use crate::study::design::run_source::RunSource;
+use crate::study::external::{ExternalCell, ExternalRuns};
+use seedbed_env::Quantity;
+
+/// One cell of a study: a scenario with replaced values, of which there are several runs, or runs
+/// that others made.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// Name, unique within the study.
+    pub name: String,
+    /// Path of the scenario, or the source of results of others as in study files.
+    pub scenario: String,
+    /// Values that are replaced in the scenario, each as `path=value`.
+    pub overrides: Vec<String>,
+    /// Where its runs come from.
+    pub source: Arc<dyn RunSource>,
+    /// Hash of everything on which runs of this cell depend, except their run seeds.
+    pub digest: String,
+    /// Numbers of first episodes whose visited states are stored, in ascending order.
+    pub windows: Vec<u32>,
+}
+
+/// One run of a study.
+#[derive(Clone, Copy, Debug)]
+pub struct PlannedRun<'a> {
+    /// Index among all runs of the study. Runs are ordered by cell, then by run seed.
+    pub index: usize,
+    /// Cell of the run.
+    pub cell: &'a Cell,
+    /// Index among the runs of its cell.
+    pub repeat: u64,
+    /// Run seed or, of results of others, the id of the run.
+    pub run_seed: u64,
+    /// Name of the run of others.
+    pub name: Option<&'a str>,
+}
+
+impl PlannedRun<'_> {
+    /// Whether the run is one of the first `runs_per_cell` of its cell. Results of others have no
+    /// order, so that all of them are.
+    #[must_use]
+    pub fn is_among_first(&self, runs_per_cell: u64) -> bool {
+        self.name.is_some() || self.repeat < runs_per_cell
+    }
+
+    /// The run seed, such as `run seed 1000`, or the name of a run of others.
+    #[must_use]
+    pub fn label(&self) -> String {
+        match self.name {
+            Some(name) => format!("run {name}"),
+            None => format!("run seed {}", self.run_seed),
+        }
+    }
+
+    /// Numbers of first episodes whose visited states are stored for this run.
+    #[must_use]
+    pub fn windows(&self) -> &[u32] {
+        &self.cell.windows
+    }
+}
+
+/// What readers of results are told of a cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CellDescription {
+    /// Name of the cell.
+    pub name: String,
+    /// Hash of everything on which its runs depend, except their run seeds.
+    pub digest: String,
+    /// Path of its scenario.
+    pub scenario: String,
+    /// Values that are replaced in the scenario, each as `path=value`.
+    pub overrides: Vec<String>,
+    /// Number of agents K.
+    pub agents: u32,
+    /// Maximum number of episodes per agent.
+    pub max_episodes: u32,
+    /// Name of its task.
+    pub task: String,
+    /// Observations of its agents: name, unit, and ends of the display range.
+    pub observations: Vec<(String, String, [f32; 2])>,
+    /// Results of others; `None` for a scenario.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub external: Option<ExternalCell>,
+}
+
+impl Cell {
+    /// What readers of its results are told of it.
+    pub(in crate::study) fn description(&self) -> CellDescription {
+        CellDescription {
+            name: self.name.clone(),
+            digest: self.digest.clone(),
+            scenario: shown_path(&self.scenario),
+            overrides: self.overrides.clone(),
+            agents: self.source.agents(),
+            max_episodes: self.source.max_episodes(),
+            task: self.source.task().to_owned(),
+            observations: self.source.observations().iter().map(observation).collect(),
+            external: self.source.found().map(ExternalRuns::description),
+        }
+    }
+}
+
+fn observation(quantity: &Quantity) -> (String, String, [f32; 2]) {
+    (quantity.name.clone(), quantity.unit.clone(), quantity.range)
+}
+
+/// A path as results contain it, which others may read: relative to the working directory, or without
+/// its folders, whose names are nobody's business.
+pub(in crate::study) fn shown_path(path: &str) -> String {
+    let relative = input_files::relative_path(Path::new(path));
+    let shown = if relative.is_absolute() {
+        relative.file_name().map(PathBuf::from)
+    } else {
+        Some(relative)
+    };
+    shown.map_or_else(|| path.to_owned(), |shown| shown.display().to_string())
+}
+
+/// Error message for the first cell whose runs do not have a measure; `None` if all cells have it.
+pub(in crate::study) fn missing_measure<'a>(
+    mut cells: impl Iterator<Item = &'a Cell>,
+    measure: Measure,
+) -> Option<String> {
+    let missing_in = |cell: &Cell| {
+        cell.source
+            .measure_obstacle(measure)
+            .map(|(missing, help)| (cell.name.clone(), missing, help))
+    };
+    let (name, missing, help) = cells.find_map(missing_in)?;
+    Some(format!(
+        "cell `{name}` does not have this measure: {missing}; {help}"
+    ))
+}

@@ -1,0 +1,109 @@
+//! Digests of cells in locks of earlier versions, which were hashes of printed settings.
+//!
+//! A lock cannot be changed, because run seeds are derived from it. What its digests are called today is written in a
+//! file beside it, which also explains published results.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::study::FileError;
+use crate::study::design::cell::CellDescription;
+use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_text};
+
+/// What the digests of a study's cells are in its lock: the contents of `STUDY.digests`.
+#[derive(Debug, Default)]
+pub(in crate::study) struct FormerDigests {
+    by_digest: BTreeMap<String, String>,
+}
+
+impl FormerDigests {
+    /// Reads the file of a study; there is none if its lock has the digests of today.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is none of this kind.
+    pub(in crate::study) fn beside(study: &Path) -> Result<Self, FileError> {
+        let path = Self::path(study);
+        let failed = |reason: String| FileError {
+            path: path.clone(),
+            reason,
+        };
+        let text = match read_text(&path, MAX_SMALL_FILE_BYTES) {
+            Ok(text) => text,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Self::default()),
+            Err(error) => return Err(failed(error.to_string())),
+        };
+        let by_digest = serde_json::from_str(&text).map_err(|error| {
+            failed(format!(
+                "expected an object of digests and former digests: {error}"
+            ))
+        })?;
+        Ok(Self { by_digest })
+    }
+
+    /// Whether `written`, in results or in a lock, is the digest of today or the former one.
+    pub(in crate::study) fn are_same(&self, digest: &str, written: &str) -> bool {
+        let former = self.by_digest.get(digest);
+        written == digest || former.is_some_and(|former| written == former)
+    }
+
+    /// Path of the file of a study, such as `fig_6_1.ron.digests`.
+    pub(in crate::study) fn path(study: &Path) -> PathBuf {
+        study.with_added_extension("digests")
+    }
+
+    /// Cells with the digests that they had when the study was locked.
+    pub(in crate::study) fn of_cells(&self, cells: Vec<CellDescription>) -> Vec<CellDescription> {
+        let with_former = |cell: CellDescription| match self.by_digest.get(&cell.digest) {
+            Some(former) => CellDescription {
+                digest: former.clone(),
+                ..cell
+            },
+            None => cell,
+        };
+        cells.into_iter().map(with_former).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::design::lock::Lock;
+    use crate::study::design::plan::StudyPlan;
+
+    fn locked_studies() -> Vec<PathBuf> {
+        let folders = ["thesis", "benchmark", "coordination"];
+        let mut studies: Vec<PathBuf> = Vec::new();
+        for folder in folders {
+            let entries = std::fs::read_dir(Path::new("scenarios").join(folder)).unwrap();
+            let paths = entries.map(|entry| entry.unwrap().path());
+            studies.extend(paths.filter(|path| Lock::path(path).exists()));
+        }
+        studies
+    }
+
+    /// When the files were written, the digests of these cells were also computed as earlier versions did: each was
+    /// that of the lock.
+    #[test]
+    fn locked_studies_have_cells_with_the_digests_of_their_locks() {
+        let studies = locked_studies();
+        assert_eq!(studies.len(), 27);
+        for path in studies {
+            let plan = StudyPlan::load_before_results(&path, false).unwrap();
+            let registered = plan.registered();
+            assert!(registered.is_ok(), "{}: {registered:?}", path.display());
+        }
+    }
+
+    #[test]
+    fn a_changed_cell_is_not_in_its_lock() {
+        let path = Path::new("scenarios/coordination/planners.ron");
+        let mut plan = StudyPlan::load_before_results(path, false).unwrap();
+        plan.cells[0].digest = "0".repeat(64);
+        let error = plan.registered().unwrap_err().to_string();
+        assert!(
+            error.contains("the settings of cell `own draws` were changed"),
+            "{error}"
+        );
+    }
+}

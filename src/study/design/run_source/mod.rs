@@ -1,0 +1,81 @@
+//! Where the runs of a cell come from. Each kind of cell is one implementation of [`RunSource`].
+
+mod found;
+mod scenario;
+
+pub use scenario::ScenarioRuns;
+
+use std::fmt::Debug;
+
+use crate::experiment::measure::Measure;
+use crate::experiment::run_result::RunResult;
+use crate::experiment::{RunControl, RunQueue};
+use crate::study::external::ExternalRuns;
+use seedbed_env::Quantity;
+
+/// Where the runs of a cell come from.
+pub trait RunSource: Debug + Send + Sync {
+    /// Number of agents K.
+    fn agents(&self) -> u32;
+
+    /// Maximum number of episodes per agent.
+    fn max_episodes(&self) -> u32;
+
+    /// Name of the task.
+    fn task(&self) -> &str;
+
+    /// Observations of the task, as far as they are known.
+    fn observations(&self) -> &[Quantity];
+
+    /// Hash of everything on which runs depend, except their run seeds or files.
+    fn digest(&self) -> String;
+
+    /// Why runs do not have `measure`, and what to use instead; `None` if they have it.
+    fn measure_obstacle(&self, measure: Measure) -> Option<(&'static str, &'static str)>;
+
+    /// Why the runs may not be what they seem to be.
+    fn warnings(&self) -> Vec<String>;
+
+    /// Rough estimate of the work of a run, in environment steps of a random agent.
+    fn cost(&self) -> f64;
+
+    /// The result of the run with this run seed or, of runs that were found, with this id. For each number n in
+    /// `windows`, it has a sample of the states visited in the first n episodes of each agent. `None` if interrupted.
+    ///
+    /// # Errors
+    /// Why the run failed.
+    fn result(
+        &self,
+        run_seed: u64,
+        windows: &[u32],
+        control: RunControl<'_>,
+    ) -> Result<Option<RunResult>, String>;
+
+    /// Approximate number of bytes of memory that a run needs; 0 for results that are read.
+    fn memory(&self) -> u64 {
+        0
+    }
+
+    /// Number of runs that take the least time if they are measured together.
+    fn runs_together(&self) -> usize {
+        1
+    }
+
+    /// Measures the runs of `queue`, at most `places` at once, until it is empty or they are interrupted.
+    fn measure_together(&self, _places: usize, queue: &mut dyn RunQueue, control: RunControl<'_>) {
+        while !control.is_interrupted()
+            && let Some(request) = queue.next()
+        {
+            let result = self.result(request.run_seed, &request.windows, control);
+            if let Some(outcome) = result.transpose() {
+                queue.finish(&request, outcome);
+            }
+        }
+    }
+
+    /// Runs that were found, because others made them. `None` if runs are made when they are needed, with the run seeds
+    /// of the study.
+    fn found(&self) -> Option<&ExternalRuns> {
+        None
+    }
+}
