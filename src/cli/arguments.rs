@@ -1,5 +1,6 @@
 //! Arguments of the command line that do not exist: what is meant.
 
+use std::ffi::OsString;
 use std::path::Path;
 
 use clap::Parser;
@@ -7,17 +8,26 @@ use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 use super::Cli;
+use super::study::translated;
 use seedbed::input_files::{self, Directory};
 use seedbed::scenario::Scenario;
 use seedbed::scenario::overrides::{self, Resolve};
 use seedbed::scenario::synonyms::{self, Suggestion};
 use seedbed::tabular::TabularScenario;
+use seedbed::text::shell_word;
 use seedbed_input::{Document, FileKind, file_kind};
 
 /// The arguments of this process. Ends it if they are invalid.
 pub(super) fn parse() -> Cli {
-    Cli::try_parse().unwrap_or_else(|mut error| {
-        let arguments = std::env::args_os().skip(1);
+    let mut arguments: Vec<OsString> = std::env::args_os().collect();
+    if let Some(new) = arguments.get(1..).and_then(translated) {
+        let words: Vec<_> = new.iter().map(|word| word.to_string_lossy()).collect();
+        let words: Vec<_> = words.iter().map(|word| shell_word(word)).collect();
+        note!("note: the new spelling is `seedbed {}`", words.join(" "));
+        arguments.splice(1.., new);
+    }
+    Cli::try_parse_from(&arguments).unwrap_or_else(|mut error| {
+        let arguments = arguments.iter().skip(1);
         let arguments = arguments.map(|argument| argument.to_string_lossy().into_owned());
         if let Some(tip) = tip(&error, &arguments.collect::<Vec<_>>()) {
             error.remove(ContextKind::SuggestedArg);

@@ -28,10 +28,8 @@ mod export;
 mod film;
 mod inspect;
 mod interruption;
-mod job_script;
 mod list;
 mod memory;
-mod merge;
 mod new;
 mod plot;
 mod preview;
@@ -44,9 +42,7 @@ mod runs;
 mod salvage;
 mod sparkline;
 mod study;
-mod submit;
 mod tune;
-mod verify;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -54,7 +50,6 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use self::execution::ExecutionArgs;
 use seedbed::experiment::LoadError;
 use seedbed::record::LiveError;
 use seedbed::record::recording::DEFAULT_VIEWER;
@@ -62,7 +57,6 @@ use seedbed::run::RunError;
 use seedbed::run::checksums::Checksums;
 use seedbed::run::folder::RunFolder;
 use seedbed::run::review::{LoadRunError, LoadedRun};
-use seedbed::study::execute::shard::Shard;
 use seedbed::text::{pluralize, terminal};
 use seedbed_input::InputError;
 
@@ -157,13 +151,13 @@ Existing files are never overwritten.")]
     /// Train scenarios with several run seeds and compare how fast they solve their task
     Bench(BenchArgs),
     /// Run every setting of a study file with many run seeds and judge its claims
-    Study(StudyArgs),
+    Study(study::StudyArgs),
     /// Search for the parameters of methods, each with the same number of runs
     Tune(tune::TuneArgs),
     /// Write the report for all finished runs of a study
     Report(ReportArgs),
     /// Pack a registered study with its results, for others to check
-    Submit(SubmitArgs),
+    Submit(study::SubmitArgs),
     /// Play the trained policies of a run without learning and print their returns
     Evaluate(EvaluateArgs),
     /// Record episodes of the trained policies of a run, including the moving bodies
@@ -356,92 +350,6 @@ struct EvaluateArgs {
 }
 
 #[derive(Debug, Args)]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is a switch on the command line"
-)]
-#[command(after_help = "Examples:
-  seedbed study scenarios/thesis/fig_6_4a.ron             run what is missing, then write the report
-  seedbed study scenarios/thesis/*.ron --quick            a short trial of every study
-  seedbed study scenarios/thesis/fig_6_4a.ron --list      list all runs with their indices
-  seedbed study scenarios/thesis/fig_6_4a.ron --script slurm > fig.sbatch     a job script for a cluster
-  seedbed study scenarios/thesis/fig_6_4a.ron --shard $SLURM_ARRAY_TASK_ID/40    one of 40 parts of the runs
-  seedbed study scenarios/thesis/fig_6_4a.ron --merge ~/other_cluster/fig_6_4a   unite results
-  seedbed study scenarios/thesis/fig_6_4a.ron --verify    repeat ten stored runs and compare bits
-  seedbed study scenarios/thesis/*.ron --confirm --verify=2%    the same with 2 % of the published runs
-  seedbed study mine.ron --power                          how many runs each confirmatory claim needs
-  seedbed study mine.ron --register                       fix claims, cells and numbers of runs in mine.ron.lock
-  seedbed study mine.ron --confirm                        run what is registered, with run seeds of its own
-
-Results of other libraries, as cells of mine.ron beside cells with a scenario:
-  (name: \"SB3 PPO\", results: Monitor(\"sb3/ppo-*/\"))
-  (name: \"CleanRL\", results: TensorBoard(runs: \"cleanrl/*/\", tag: \"charts/episodic_return\"))
-
-Repeat the same command to resume an interrupted study. After an edit of the study file only \
-affected runs are repeated.")]
-struct StudyArgs {
-    /// Study files
-    #[arg(required = true, value_name = "STUDY")]
-    studies: Vec<PathBuf>,
-    #[command(flatten)]
-    execution: ExecutionArgs,
-    /// Write results to this directory [default: recordings/studies/<study>]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Use the study's `quick` settings, in a separate directory
-    #[arg(long)]
-    quick: bool,
-    /// List all runs with their indices and states (finished, running, failed, interrupted, damaged, to
-    /// run), and run nothing
-    #[arg(long)]
-    list: bool,
-    /// Execute only the run with this index, without a report; safe to use from many processes at
-    /// once
-    #[arg(long, value_name = "I", conflicts_with = "list")]
-    index: Option<usize>,
-    /// Execute only the runs of shard I of N, counted from 0, without a report; safe to use from many
-    /// processes at once. Shards have about equal work
-    #[arg(long, value_name = "I/N", allow_hyphen_values = true)]
-    #[arg(conflicts_with_all = ["list", "index", "verify", "power", "register"])]
-    shard: Option<Shard>,
-    /// Print a job script that executes the study as an array of shards and then writes the report
-    #[arg(long, value_name = "SCHEDULER", value_enum)]
-    #[arg(conflicts_with_all = ["list", "index", "shard", "verify", "power", "register", "merge"])]
-    script: Option<job_script::Scheduler>,
-    /// Maximum number of tasks of the script: the `MaxArraySize` of the cluster
-    #[arg(long, value_name = "N", default_value_t = 1001, requires = "script")]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..=4_000_001))]
-    max_tasks: u32,
-    /// Copy the stored runs of this study from other directories, such as those of other clusters. One run
-    /// of each, drawn at random, is repeated before. If a file is damaged or results differ, nothing is copied
-    #[arg(long, value_name = "DIR", num_args = 1..)]
-    #[arg(conflicts_with_all = ["list", "index", "shard", "verify", "power", "register", "retry"])]
-    merge: Vec<PathBuf>,
-    /// Repeat N stored or published runs, or a share such as 2%, and check that results are
-    /// bit-identical; stored results are not changed. The runs are drawn at random: at least one of each
-    /// cell, and two in all [default: 10]
-    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "10")]
-    #[arg(conflicts_with_all = ["list", "index", "retry"])]
-    verify: Option<verify::Amount>,
-    /// Repeat no run before --merge
-    #[arg(long, requires = "merge")]
-    unverified: bool,
-    /// Repeat the random choice of runs that --verify or --merge printed with this number [default: a new choice]
-    #[arg(long, value_name = "NUMBER")]
-    draw: Option<u64>,
-    /// Print the number of runs that each confirmatory claim needs, and run nothing
-    #[arg(long, conflicts_with_all = ["list", "index", "retry", "verify", "quick"])]
-    power: bool,
-    /// Fix claims, cells and numbers of runs in STUDY.lock, and run nothing. Run seeds of --confirm are
-    /// derived from this file
-    #[arg(long, conflicts_with_all = ["list", "index", "retry", "verify", "quick", "power"])]
-    register: bool,
-    /// Run what STUDY.lock registers, look by look, until all confirmatory claims are decided
-    #[arg(long, conflicts_with_all = ["quick", "register", "power"])]
-    confirm: bool,
-}
-
-#[derive(Debug, Args)]
 #[command(after_help = "Examples:
   seedbed report recordings/studies/fig_6_4a
 
@@ -457,28 +365,6 @@ struct ReportArgs {
     /// Write the scores of all runs, small enough for a repository, to a directory in DIR
     #[arg(long, value_name = "DIR")]
     publish: Option<PathBuf>,
-}
-
-#[derive(Debug, Args)]
-#[command(after_help = "Examples:
-  seedbed submit scenarios/thesis/fig_6_1.ron                    write recordings/submissions/fig_6_1-LOCK.zip
-  seedbed submit scenarios/mine.ron --results results/mine --out mine.zip
-
-  unzip mine.zip && cd mine-*                                    what others do with it: its README.md
-  seedbed study scenarios/mine.ron --confirm --verify=2%         has the commands
-
-The file has the study, its lock, its scenarios and tasks, one row per run, and what made them. It is written only if the results of
-all runs are there and confirm what was registered.")]
-struct SubmitArgs {
-    /// Study file, which must be registered
-    #[arg(value_name = "STUDY")]
-    study: PathBuf,
-    /// Directory with runs or published results [default: that of the study, or else `results/STUDY` beside its file]
-    #[arg(long, value_name = "DIR")]
-    results: Option<PathBuf>,
-    /// Write the ZIP file here [default: recordings/submissions/STUDY-LOCK.zip]
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -583,7 +469,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Study(args) => study::study(&args),
         Command::Tune(args) => tune::tune(&args),
         Command::Report(args) => report::report(&args),
-        Command::Submit(args) => submit::submit(&args),
+        Command::Submit(args) => study::submit(&args),
         Command::Salvage(args) => salvage::salvage(&args),
         Command::Runs(args) => runs::runs(&args),
         Command::Replay(args) => replay::replay(&args),

@@ -1,7 +1,8 @@
 //! Regret of tabular runs.
 
 use super::{Bench, BenchReport, BenchTable, Column, format_interval};
-use crate::study::evaluate::comparison::{Quantity, Samples};
+use crate::study::evaluate::comparison::Samples;
+use crate::study::evaluate::rules::Quantity;
 use crate::study::evaluate::score::RunScore;
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::bootstrap_estimate;

@@ -1,7 +1,8 @@
 //! Episodes until training solves its task.
 
 use super::{Bench, BenchReport, BenchTable, Column, Outcome, format_interval};
-use crate::study::evaluate::comparison::{Comparison, Quantity, Samples};
+use crate::study::evaluate::comparison::{Comparison, Samples};
+use crate::study::evaluate::rules::Quantity;
 use crate::study::evaluate::score::RunScore;
 use crate::study::evaluate::score::times_to_event;
 use seedbed_stats::aggregate::median;

@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::measure::Measure;
+use crate::study::design::direction::ClaimDirection;
 use crate::study::design::figure::Figure;
 use crate::study::external::source::{ResultsSource, SolvedAt};
 use seedbed_input::numbers::{Count, Fraction, Positive, ranged_count};
@@ -280,36 +281,6 @@ impl Claim {
     }
 }
 
-/// Claimed direction of an effect, which is the measure of the first cell minus the measure of the
-/// second.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum ClaimDirection {
-    /// Above 0.
-    More,
-    /// Below 0.
-    Less,
-    /// Smaller than `smallest` in both directions.
-    Same,
-    /// Below `smallest`: the first cell is not relevantly larger.
-    NotMore,
-    /// Above −`smallest`: the first cell is not relevantly smaller.
-    NotLess,
-}
-
-impl ClaimDirection {
-    /// Whether the claim is that the first cell is above the second, or not below it.
-    #[must_use]
-    pub fn is_upwards(self) -> bool {
-        matches!(self, Self::More | Self::NotLess)
-    }
-
-    /// Whether the claim is that there is no relevant effect, in both directions or in one.
-    #[must_use]
-    pub fn is_null(self) -> bool {
-        matches!(self, Self::Same | Self::NotMore | Self::NotLess)
-    }
-}
-
 /// Whether the name of a cell has this part, as separated by commas.
 pub(in crate::study) fn has_part(cell: &str, part: &str) -> bool {
     cell.split(", ").any(|each| each == part)
@@ -373,8 +344,8 @@ impl Study {
     #[must_use]
     pub fn family(&self, is_null: bool) -> Vec<usize> {
         let claims = self.claims.iter().enumerate();
-        let members =
-            claims.filter(|(_, claim)| claim.confirmatory && claim.direction.is_null() == is_null);
+        let members = claims
+            .filter(|(_, claim)| claim.confirmatory && claim.direction.rule().is_null == is_null);
         members.map(|(index, _)| index).collect()
     }
 
@@ -519,7 +490,7 @@ impl Study {
                 .1
                 .error("expected a cell other than the first"));
         }
-        if claim.confirmatory && claim.direction.is_null() && claim.because.trim().is_empty() {
+        if claim.confirmatory && claim.direction.rule().is_null && claim.because.trim().is_empty() {
             return Err(claim.compare.0.error(
                 "a confirmatory claim of no effect needs a reason for its margin; expected \
                  `because: \"…\"`, why effects below `smallest` are of no interest",

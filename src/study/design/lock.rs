@@ -128,10 +128,10 @@ pub enum RegistrationError {
     #[error(transparent)]
     File(#[from] FileError),
     /// There is no lock file.
-    #[error("{path}: no such file; register the study with --register before --confirm", path = .0.display())]
+    #[error("{path}: no such file; register the study with `seedbed study register` first", path = .0.display())]
     NotRegistered(PathBuf),
     /// The lock file is no lock.
-    #[error("{path}: this is no lock of a study: {reason}; expected an unchanged file that --register wrote", path = .path.display())]
+    #[error("{path}: this is no lock of a study: {reason}; expected an unchanged file that `seedbed study register` wrote", path = .path.display())]
     Invalid {
         /// Path of the lock file.
         path: PathBuf,
@@ -142,7 +142,7 @@ pub enum RegistrationError {
     #[error("{path}: this lock was changed after it was made: its contents do not have its id; expected an unchanged file", path = .0.display())]
     Changed(PathBuf),
     /// The study differs from its lock.
-    #[error("{path}: the study differs from its lock: {differences}; expected no difference, or a new registration with --register", path = .path.display(), differences = .differences.join("; "))]
+    #[error("{path}: the study differs from its lock: {differences}; expected no difference, or a new registration with `seedbed study register`", path = .path.display(), differences = .differences.join("; "))]
     Differs {
         /// Path of the lock file.
         path: PathBuf,

@@ -1,6 +1,7 @@
 //! What a study is: its file, its cells and runs, and its registration. Nothing here makes runs or reads their results.
 
 pub mod cell;
+pub mod direction;
 mod drafts;
 pub mod figure;
 pub mod file;

@@ -34,7 +34,7 @@ pub fn powers(study: &Study) -> Vec<(usize, ClaimPower)> {
 }
 
 fn power_of_claim(study: &Study, claim: &Claim) -> ClaimPower {
-    let family = study.family(claim.direction.is_null());
+    let family = study.family(claim.direction.rule().is_null);
     let levels = levels_of_looks(&study.looks(), FAMILY_LEVEL);
     let level = levels[levels.len() - 1] / family.len() as f64;
     let expected = claim.expected.as_deref().copied();
@@ -56,7 +56,7 @@ fn power_of_claim(study: &Study, claim: &Claim) -> ClaimPower {
 fn power(claim: &Claim, expected: Expected, runs: usize, level: f64) -> f64 {
     let smallest = claim.smallest.get();
     match expected {
-        Expected::Shares(first, second) if !claim.direction.is_null() => {
+        Expected::Shares(first, second) if !claim.direction.rule().is_null => {
             power_of_shares([first.get(), second.get()], runs, level)
         }
         Expected::Shares(first, second) => {
@@ -78,7 +78,8 @@ fn power_of_scores(claim: &Claim, effect: f64, runs: usize, level: f64) -> f64 {
     } else {
         power_of_means(effect, runs, level)
     };
-    if claim.direction == crate::study::design::file::ClaimDirection::Same {
+    let rule = claim.direction.rule();
+    if rule.above.is_some() && rule.below.is_some() {
         // Both margins must be excluded (Schuirmann 1987).
         (2.0 * one_sided - 1.0).max(0.0)
     } else {

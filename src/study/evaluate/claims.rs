@@ -9,9 +9,11 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 
-use crate::study::design::file::{Claim, ClaimDirection};
-use crate::study::evaluate::comparison::{Comparison, Quantity, Samples};
+use crate::study::design::direction::{Bound, ClaimDirection, Rule};
+use crate::study::design::file::Claim;
+use crate::study::evaluate::comparison::{Comparison, Samples};
 use crate::study::evaluate::results::{CellResults, Results, default_horizon};
+use crate::study::evaluate::rules::Quantity;
 use seedbed_input::numbers::Positive;
 use seedbed_stats::effect_test::EffectTest;
 use seedbed_stats::family::{holm_correction, holm_decisions};
@@ -177,43 +179,48 @@ impl<'a> ComparedClaim<'a> {
     /// p-value of the hypothesis that the claim is false, apart from the smallest effect of
     /// interest.
     fn p(&self) -> f64 {
-        let [low_margin, high_margin] = self.claim.margins();
-        match self.claim.direction {
-            ClaimDirection::More => self.test.p_above(0.0),
-            ClaimDirection::Less => self.test.p_below(0.0),
-            ClaimDirection::NotLess => self.test.p_above(low_margin),
-            ClaimDirection::NotMore => self.test.p_below(high_margin),
-            ClaimDirection::Same => self
-                .test
-                .p_above(low_margin)
-                .max(self.test.p_below(high_margin)),
-        }
+        let rule = self.claim.direction.rule();
+        let value = |bound: Bound| bound.value(self.claim.smallest.get());
+        let above = rule
+            .above
+            .map_or(0.0, |bound| self.test.p_above(value(bound)));
+        let below = rule
+            .below
+            .map_or(0.0, |bound| self.test.p_below(value(bound)));
+        above.max(below)
     }
 
     /// Interval of the effect. Ends on which p depends have the error probability `level`, an end
     /// on which it does not depend has `other_level`.
     fn interval(&self, level: f64, other_level: f64) -> Interval {
-        let smallest = self.claim.smallest.get();
-        let [low_margin, high_margin] = self.claim.margins();
-        let (levels, thresholds) = match self.claim.direction {
-            ClaimDirection::More => ([level, other_level], [0.0, smallest]),
-            ClaimDirection::Less => ([other_level, level], [-smallest, 0.0]),
-            ClaimDirection::NotLess => ([level, other_level], [low_margin, low_margin]),
-            ClaimDirection::NotMore => ([other_level, level], [high_margin, high_margin]),
-            ClaimDirection::Same => ([level; 2], [low_margin, high_margin]),
-        };
+        let rule = self.claim.direction.rule();
+        let level_of = |bound: Option<Bound>| bound.map_or(other_level, |_| level);
+        let levels = [rule.above, rule.below].map(level_of);
+        let thresholds = rule
+            .compared_ends
+            .map(|bound| bound.value(self.claim.smallest.get()));
         self.samples.interval(&*self.test, levels, thresholds)
     }
 
     fn verdict(&self, interval: Interval) -> Verdict {
-        let smallest = self.claim.smallest.get();
-        match self.claim.direction {
-            ClaimDirection::More => verdict_on_effect(interval, Direction::Positive, smallest),
-            ClaimDirection::Less => verdict_on_effect(interval, Direction::Negative, smallest),
-            ClaimDirection::Same | ClaimDirection::NotMore | ClaimDirection::NotLess => {
-                verdict_on_no_effect(interval, self.claim.margins())
-            }
+        let (rule, smallest) = (self.claim.direction.rule(), self.claim.smallest.get());
+        if !rule.is_null {
+            return verdict_on_effect(interval, direction(rule), smallest);
         }
+        let margin = |bound: Option<Bound>, none| bound.map_or(none, |bound| bound.value(smallest));
+        let margins = [
+            margin(rule.above, f64::NEG_INFINITY),
+            margin(rule.below, f64::INFINITY),
+        ];
+        verdict_on_no_effect(interval, margins)
+    }
+}
+
+fn direction(rule: &Rule) -> Direction {
+    if rule.is_upwards {
+        Direction::Positive
+    } else {
+        Direction::Negative
     }
 }
 
@@ -232,39 +239,14 @@ fn is_smaller_than_claimed(claim: &Claim, interval: Interval) -> bool {
     let (Some(claimed), Some([low, high])) = (claim.claimed, interval.ends()) else {
         return false;
     };
-    match claim.direction {
-        ClaimDirection::More => high < claimed.get(),
-        ClaimDirection::Less => low > -claimed.get(),
-        ClaimDirection::Same | ClaimDirection::NotMore | ClaimDirection::NotLess => false,
-    }
-}
-
-impl Claim {
-    /// Margins within which a claim of no effect holds; infinite on a side without margin.
-    fn margins(&self) -> [f64; 2] {
-        let smallest = self.smallest.get();
-        match self.direction {
-            ClaimDirection::NotMore => [f64::NEG_INFINITY, smallest],
-            ClaimDirection::NotLess => [-smallest, f64::INFINITY],
-            ClaimDirection::More | ClaimDirection::Less | ClaimDirection::Same => {
-                [-smallest, smallest]
-            }
-        }
+    match claim.direction.rule() {
+        rule if rule.is_null => false,
+        rule if rule.is_upwards => high < claimed.get(),
+        _ => low > -claimed.get(),
     }
 }
 
 impl ClaimResult {
-    /// A claim with a margin on one side only says nothing about effects on the other side.
-    fn no_relevant_effect_text(&self) -> &'static str {
-        match self.direction {
-            ClaimDirection::NotMore => "no relevant increase",
-            ClaimDirection::NotLess => "no relevant decrease",
-            ClaimDirection::More | ClaimDirection::Less | ClaimDirection::Same => {
-                "no relevant effect"
-            }
-        }
-    }
-
     /// Verdict as text, such as `supported`.
     #[must_use]
     pub fn verdict_text(&self) -> String {
@@ -272,7 +254,7 @@ impl ClaimResult {
             None => return "exploratory".to_owned(),
             Some(Verdict::Supported) => "supported",
             Some(Verdict::Negligible) => "supported but negligible",
-            Some(Verdict::NoRelevantEffect) => self.no_relevant_effect_text(),
+            Some(Verdict::NoRelevantEffect) => self.direction.rule().words_without_effect,
             Some(Verdict::Refuted) => "refuted",
             Some(Verdict::Open) => "open",
         };

@@ -1,11 +1,10 @@
 //! Comparison of two cells in one measure: effect with its test and interval, and probability that a
 //! run of one cell is below a run of the other.
 //!
-//! Each kind of measure has one effect and one test. Shares of solved runs: the difference of shares,
-//! with the exact unconditional test. Times: the difference of restricted mean times, and all other
-//! measures: the difference of means, both with a permutation test.
+//! Each kind of measure has one effect and one test: see [`rules`](super::rules).
 
 use crate::experiment::measure::Measure;
+use crate::study::evaluate::rules::{Pairing, Quantity, Rule, share_of_successes};
 use crate::study::evaluate::score::{RunScore, times_to_event};
 use crate::study::evaluate::ties::with_equal_ties;
 use seedbed_stats::aggregate::{mean, median};
@@ -13,8 +12,7 @@ use seedbed_stats::bootstrap::bootstrap_mean_and_interquartile_mean;
 use seedbed_stats::effect_test::{EffectTest, OfRange, Opposite, lower_bound, upper_bound};
 use seedbed_stats::family::FAMILY_LEVEL;
 use seedbed_stats::improvement::win_probability;
-use seedbed_stats::means::{MeanOfDifferences, TwoMeans};
-use seedbed_stats::shares::{Share, TwoShares, wilson_interval};
+use seedbed_stats::shares::wilson_interval;
 use seedbed_stats::survival::kaplan_meier;
 use seedbed_stats::{Estimate, Interval, MIN_RUNS};
 
@@ -36,28 +34,13 @@ pub struct Aggregate {
     pub range: [f64; 2],
 }
 
-/// What is compared, and how.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Quantity {
-    /// Shares of runs with the value 1.
-    Share,
-    /// Means.
-    Mean,
-    /// Restricted mean times: times after the horizon count as the horizon. Times of runs that ended
-    /// before it without reaching them may be any from the end of the run to the horizon.
-    RestrictedMeanTime {
-        /// Number of episodes or steps up to which times are compared.
-        horizon: f64,
-    },
-}
-
 /// Values of the runs of two cells that are compared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Samples {
     quantity: Quantity,
     /// Values of the first and of the second cell. If paired, equal indices are equal run seeds.
     values: [Values; 2],
-    paired: bool,
+    pairing: Pairing,
     /// Whether the second cell is tested against the first, and the result is reversed.
     is_reversed: bool,
 }
@@ -135,48 +118,12 @@ fn share_with_interval(values: &[f64]) -> Estimate {
     }
 }
 
-fn share_of_successes(values: &[f64]) -> Share {
-    Share {
-        successes: values.iter().filter(|&&value| value > 0.5).count(),
-        runs: values.len(),
-    }
-}
-
 /// Kaplan–Meier median with its interval.
 fn median_time(scores: &[RunScore]) -> Estimate {
     let curve = kaplan_meier(&times_to_event(scores));
     Estimate {
         value: curve.median().unwrap_or(f64::INFINITY),
         interval: curve.median_interval(),
-    }
-}
-
-impl Quantity {
-    /// What is compared in a measure. Times are compared up to `horizon`.
-    #[must_use]
-    pub fn of(measure: Measure, horizon: f64) -> Self {
-        if measure.is_time() {
-            Self::RestrictedMeanTime { horizon }
-        } else if measure.is_yes_or_no() {
-            Self::Share
-        } else {
-            Self::Mean
-        }
-    }
-
-    /// The value of a run that is compared: a time up to the horizon, or the measure itself. Of a run
-    /// that ended before the horizon, the largest possible time.
-    #[must_use]
-    pub fn value(self, score: RunScore) -> f64 {
-        self.range(score)[1]
-    }
-
-    /// The smallest and the largest possible value of a run.
-    fn range(self, score: RunScore) -> [f64; 2] {
-        match self {
-            Self::Share | Self::Mean => [score.value; 2],
-            Self::RestrictedMeanTime { horizon } => score.time_to_event().range_up_to(horizon),
-        }
     }
 }
 
@@ -213,17 +160,31 @@ impl Samples {
         quantity: Quantity,
         paired: bool,
     ) -> Option<Self> {
-        let values = if paired {
-            pairs_with_common_seeds(first, second)
+        let pairing = if paired {
+            Pairing::ByRunSeed
         } else {
+            Pairing::Independent
+        };
+        Self::with_pairing(first, second, quantity, pairing)
+    }
+
+    fn with_pairing(
+        first: &[RunScore],
+        second: &[RunScore],
+        quantity: Quantity,
+        pairing: Pairing,
+    ) -> Option<Self> {
+        let values = if pairing == Pairing::Independent {
             [first.to_vec(), second.to_vec()]
+        } else {
+            pairs_with_common_seeds(first, second)
         };
         let values = with_equal_ties(values).map(|scores| Values::of(&scores, quantity));
         let is_complete = values.iter().all(|values| !values.most.is_empty());
         is_complete.then_some(Self {
             quantity,
             values,
-            paired,
+            pairing,
             is_reversed: false,
         })
     }
@@ -238,7 +199,7 @@ impl Samples {
             magnitude: number.abs(),
         };
         let numbers: Vec<RunScore> = scores.iter().map(score_of_number).collect();
-        Self::new(scores, &numbers, quantity, true)
+        Self::with_pairing(scores, &numbers, quantity, Pairing::WithNumber)
     }
 
     /// Like [`new`](Self::new), but tested as the comparison of the second with the first cell if
@@ -304,18 +265,7 @@ impl Samples {
     }
 
     fn test_of(&self, first: &[f64], second: &[f64]) -> Box<dyn EffectTest> {
-        match self.quantity {
-            Quantity::Share => {
-                let [first, second] = [first, second].map(share_of_successes);
-                Box::new(TwoShares::new(first, second))
-            }
-            _ if self.paired => {
-                let pairs = first.iter().zip(second);
-                let differences: Vec<f64> = pairs.map(|(first, second)| first - second).collect();
-                Box::new(MeanOfDifferences::new(&differences))
-            }
-            _ => Box::new(TwoMeans::new(first, second)),
-        }
+        (Rule::of(self.quantity, self.pairing).make)(first, second)
     }
 
     /// The interval of the effect between bounds with these error probabilities. `thresholds` are

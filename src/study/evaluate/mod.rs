@@ -12,6 +12,7 @@ pub mod published;
 mod read;
 pub mod results;
 pub(in crate::study) mod rows;
+pub mod rules;
 pub mod scaling;
 pub mod score;
 mod ties;

@@ -96,7 +96,7 @@ impl Results {
     fn study_command(&self) -> String {
         let mut words = shell_word(&self.manifest.study_path).into_owned();
         if self.manifest.lock.is_some() {
-            words += " --confirm";
+            words.insert_str(0, "confirm ");
         }
         if self.manifest.quick {
             words += " --quick";

@@ -3,8 +3,8 @@
 
 use crate::experiment::measure::Measure;
 use crate::study::design::file::{Scaling, has_part, unknown_part};
-use crate::study::evaluate::comparison::Quantity;
 use crate::study::evaluate::results::{CellResults, Results, known_horizon};
+use crate::study::evaluate::rules::Quantity;
 use crate::study::evaluate::score::RunScore;
 use seedbed_input::{Located, ValidationError};
 use seedbed_stats::aggregate::mean;

@@ -255,7 +255,7 @@ impl ExternalRuns {
             ));
             return Err(error.with_help(
                 "patterns are relative to the study's directory; a study is registered before its results exist by \
-                 `seedbed study --register`",
+                 `seedbed study register`",
             ));
         }
         match expected {

@@ -1,9 +1,10 @@
 //! Formats numbers, intervals and comparisons as text.
 
 use crate::experiment::measure::Measure;
-use crate::study::design::file::{Claim, ClaimDirection};
+use crate::study::design::file::Claim;
 use crate::study::evaluate::claims::ClaimResult;
 use crate::study::evaluate::comparison::Comparison;
+use crate::study::evaluate::rules::{Pairing, Quantity, Rule};
 use crate::text::pluralize;
 pub(super) use crate::text::short_number as number;
 use seedbed_stats::{Estimate, Interval};
@@ -142,45 +143,25 @@ pub(super) fn claimed_effect(claim: &Claim) -> String {
         Some(claimed) => format!("; claimed {}", number(claimed.get())),
         None => String::new(),
     };
-    match claim.direction {
-        ClaimDirection::More => format!("above 0; smallest effect of interest {smallest}{claimed}"),
-        ClaimDirection::Less => format!("below 0; smallest effect of interest {smallest}{claimed}"),
-        ClaimDirection::Same => format!("between −{smallest} and {smallest}"),
-        ClaimDirection::NotMore => format!("below {smallest}"),
-        ClaimDirection::NotLess => format!("above −{smallest}"),
+    let rule = claim.direction.rule();
+    let words = rule.words.replace("{}", &smallest);
+    if rule.is_null {
+        words
+    } else {
+        words + &claimed
     }
 }
 
-/// Definition of the effect, and name of the test.
-pub(super) fn effect_and_test(measure: Measure, claim: &Claim) -> [&'static str; 2] {
-    if claim.number().is_some() {
-        return [
-            "mean minus the number",
-            "permutation test (changes of sign)",
-        ];
-    }
-    match (measure, *claim.paired) {
-        (measure, _) if measure.is_yes_or_no() => [
-            "difference between the shares of runs",
-            "exact unconditional score test (Chan and Zhang)",
-        ],
-        (measure, false) if measure.is_time() => [
-            "difference between restricted mean times",
-            "studentized permutation test",
-        ],
-        (_, false) => [
-            "difference between the means",
-            "studentized permutation test",
-        ],
-        (measure, true) if measure.is_time() => [
-            "mean difference between restricted times of the same run seed",
-            "permutation test (changes of sign)",
-        ],
-        (_, true) => [
-            "mean difference between runs of the same run seed",
-            "permutation test (changes of sign)",
-        ],
-    }
+/// How the two cells of a claim are compared in a measure.
+pub(super) fn comparison_rule(measure: Measure, claim: &Claim) -> &'static Rule {
+    let pairing = if claim.number().is_some() {
+        Pairing::WithNumber
+    } else if *claim.paired {
+        Pairing::ByRunSeed
+    } else {
+        Pairing::Independent
+    };
+    Rule::of(Quantity::of(measure, f64::INFINITY), pairing)
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ use crate::study::evaluate::cost::cells_without_policy_gradient;
 use crate::study::evaluate::gate::gates;
 use crate::study::evaluate::results::Audit;
 use crate::study::evaluate::results::{CellResults, Results};
+use crate::study::evaluate::rules::Rule;
 use crate::study::external::{ExternalCell, FileHash};
 use crate::text::{html_page, pluralize, shell_word};
 use seedbed_stats::{MIN_RUNS, Verdict};
@@ -245,7 +246,7 @@ fn warning_of_builds(results: &Results) -> Markup {
         p.warning {
             strong { "Several builds." } " The runs were made by " (results.builds.len())
             " builds of seedbed (" (builds(results)) "). To check that the results are still the same, run "
-            code { "seedbed study " (shell_word(&results.manifest.study_path)) " --verify" } "."
+            code { "seedbed study verify " (shell_word(&results.manifest.study_path)) } "."
         }
     }
 }
@@ -261,7 +262,7 @@ fn registration_section(lock: &Lock, audit: &Audit) -> Markup {
         h2 { "Registration" }
         p.facts {
             "Registered before the runs: lock " code { (lock.id) } ". Run seeds are derived from it. Stored runs could be \
-             edited together with their checksums; to repeat them, run the study with " code { "--confirm --verify" } "."
+             edited together with their checksums; to repeat them: " code { "seedbed study verify STUDY --registered" } "."
         }
         @for sentence in &audit.broken { (warning("Not confirmed.", sentence)) }
         @for sentence in &audit.notes { p.evidence { (sentence) } }
@@ -351,7 +352,7 @@ fn evidence_text(
 
 /// Probability that a run of the first cell is above or below (as claimed) a run of the second.
 fn probability_text(claim: &Claim, comparison: &Comparison) -> String {
-    let (side, probability) = if claim.direction.is_upwards() {
+    let (side, probability) = if claim.direction.rule().is_upwards {
         ("above", comparison.probability_above())
     } else {
         ("below", comparison.probability_below)
@@ -361,7 +362,7 @@ fn probability_text(claim: &Claim, comparison: &Comparison) -> String {
 
 /// Definition of the effect, and the test.
 fn method_text(claim: &Claim, measure: Measure) -> String {
-    let [effect, test] = format::effect_and_test(measure, claim);
+    let Rule { effect, test, .. } = format::comparison_rule(measure, claim);
     let horizon = claim.horizon.map_or(String::new(), |horizon| {
         format!(
             " Times are compared up to {}.",
@@ -510,15 +511,15 @@ fn files_of(cell: &ExternalCell) -> Vec<&FileHash> {
 
 fn reproduction_section(results: &Results) -> Markup {
     let manifest = &results.manifest;
-    let option = match &manifest.lock {
-        Some(_) => " --confirm",
-        None if manifest.quick => " --quick",
-        None => "",
+    let (action, option) = match &manifest.lock {
+        Some(_) => ("confirm ", ""),
+        None if manifest.quick => ("", " --quick"),
+        None => ("", ""),
     };
     let first_seed = manifest.run_seeds().first().copied().unwrap_or_default();
     html! {
         h2 { "How to reproduce the results" }
-        pre { "seedbed study " (shell_word(&manifest.study_path)) (option) }
+        pre { "seedbed study " (action) (shell_word(&manifest.study_path)) (option) }
         p { (provenance_text(results)) }
         p { "One run of each cell, with its recording:" }
         div.scroll {

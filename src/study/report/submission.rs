@@ -3,7 +3,7 @@
 //! A submission has the study, its lock, the scenarios and tasks that it reads and that are not built
 //! in, in the same directories relative to each other, its results as they are
 //! [published], and `submission.json`, which says what made the results and the
-//! file. Unpacked, `seedbed study … --confirm --verify=2%` repeats some of the runs and compares their
+//! file. Unpacked, `seedbed study verify … --registered --runs 2%` repeats some of the runs and compares their
 //! bits. Equal results of equal files give the same bytes.
 
 use std::collections::BTreeMap;
@@ -34,7 +34,7 @@ use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
 pub enum SubmissionError {
     /// The study has no lock.
     #[error(
-        "{0} is not registered; only registered studies can be submitted, see `seedbed study --register`"
+        "{0} is not registered; only registered studies can be submitted, see `seedbed study register`"
     )]
     NotRegistered(PathBuf),
     /// Results do not confirm what was registered.
@@ -137,7 +137,10 @@ pub fn write(plan: &StudyPlan, results: &Results, path: &Path) -> Result<Packed,
     let study = within(&root, &canonical(&plan.path)?);
     let mut files = read_all(&root, &inputs)?;
     add_results(&mut files, &study, results)?;
-    let verify = format!("seedbed study {} --confirm --verify=2%", study.display());
+    let verify = format!(
+        "seedbed study verify {} --registered --runs 2%",
+        study.display()
+    );
     files.insert("README.md".into(), read_me(plan, &study, &verify));
     let [finished, failed, _] = results.run_counts();
     let description = Description {
@@ -245,7 +248,7 @@ fn read_all(root: &Path, paths: &[PathBuf]) -> Result<Files, SubmissionError> {
     paths.iter().map(read).collect()
 }
 
-/// Adds the results where `seedbed study --verify` looks for them: in `results` beside the study.
+/// Adds the results where `seedbed study verify` looks for them: in `results` beside the study.
 fn add_results(files: &mut Files, study: &Path, results: &Results) -> Result<(), SubmissionError> {
     let folder = published::folder_beside(study);
     let published = publish::files(results).map_err(|error| file_error(&folder, error))?;
@@ -262,7 +265,7 @@ fn read_me(plan: &StudyPlan, study: &Path, verify: &str) -> Vec<u8> {
          A registered study with its results. In this directory:\n\n    \
          seedbed report {}   # tables and verdicts, computed from the results\n    \
          {verify}   # repeats 2 % of the runs, and compares their bits\n    \
-         seedbed study {} --confirm   # repeats all runs\n\n\
+         seedbed study confirm {}   # repeats all runs\n\n\
          `submission.json` says which builds made the runs, and on which kind of CPU the file was packed.\n",
         results.display(),
         study.display(),

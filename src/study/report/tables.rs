@@ -5,11 +5,10 @@ use rayon::prelude::*;
 use super::format;
 use crate::experiment::measure::Measure;
 use crate::study::design::file::Scaling;
-use crate::study::evaluate::comparison::{
-    Aggregate, Comparison, Quantity, Samples, summarize_scores,
-};
+use crate::study::evaluate::comparison::{Aggregate, Comparison, Samples, summarize_scores};
 use crate::study::evaluate::cost::{Cost, costs};
 use crate::study::evaluate::results::{CellResults, Results, default_horizon, earliest_end};
+use crate::study::evaluate::rules::Quantity;
 use crate::study::evaluate::scaling::{self, Method, Ratio, TeamSize};
 use crate::text::{markdown_cell, markdown_line};
 use seedbed_stats::Estimate;

@@ -4,7 +4,7 @@
 //! A directory with published results has `study.json`, the manifest with the study file and its
 //! lock; `results.csv.gz`, the report's `results.csv`, with one row per run; and `builds.json`, which
 //! says what made the runs. From these files the verdicts and tables are computed again, with the
-//! same digits. Curves and visited states are not published: `seedbed study --confirm` makes the runs
+//! same digits. Curves and visited states are not published: `seedbed study confirm` makes the runs
 //! again, with the same bits.
 
 mod hashes;

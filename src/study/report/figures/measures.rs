@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use super::{UnnumberedFigure, capitalized, color, picture_of_curves, picture_of_one_panel};
 use crate::experiment::measure::Measure;
-use crate::study::evaluate::comparison::{Quantity, summarize_scores};
+use crate::study::evaluate::comparison::summarize_scores;
 use crate::study::evaluate::results::CellResults;
+use crate::study::evaluate::rules::Quantity;
 use crate::study::evaluate::score::times_to_event;
 use seedbed_figure::{Curves, IntervalRow, Intervals, Panel, Series};
 use seedbed_stats::aggregate::interquartile_mean_of_sorted;

@@ -1,16 +1,17 @@
-//! `seedbed study --verify`: repeats stored or published runs that are drawn at random, and compares their
+//! `seedbed study verify`: repeats stored or published runs that are drawn at random, and compares their
 //! bits.
 
 use std::path::PathBuf;
-use std::str::FromStr;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::execution::{LOCK_IS_INTACT, damage_message, damaged_file, describe_run, jobs};
-use super::interruption::StopRequests;
-use super::progress::StudyProgress;
-use super::study::check_same_study;
-use super::{CliError, StudyArgs, pluralize, report};
+use super::arguments::{Amount, VerifyArgs};
+use super::error_of;
+use super::plans::{Selection, check_same_study};
+use crate::cli::execution::{LOCK_IS_INTACT, damage_message, damaged_file, describe_run, jobs};
+use crate::cli::interruption::StopRequests;
+use crate::cli::progress::StudyProgress;
+use crate::cli::{CliError, pluralize, report};
 use seedbed::experiment::Outcome;
 use seedbed::study::design::cell::PlannedRun;
 use seedbed::study::design::plan::StudyPlan;
@@ -22,42 +23,20 @@ use seedbed::study::execute::draw::Draw;
 use seedbed::study::execute::runner;
 use seedbed::study::store::StudyFolder;
 
-/// How many of the stored runs are repeated.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Amount {
-    /// A number of runs.
-    Runs(usize),
-    /// A share of the runs, from 0 to 1, but at least one run.
-    Share(f64),
-}
-
-impl FromStr for Amount {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let expected = || "expected a number of runs from 1, or a share such as 2%".to_owned();
-        let Some(percent) = text.strip_suffix('%') else {
-            let runs = text.parse().ok().filter(|runs| *runs > 0);
-            return runs.map(Self::Runs).ok_or_else(expected);
-        };
-        let percent: Option<f64> = percent.trim_end().parse().ok();
-        let share = percent.filter(|percent| 0.0 < *percent && *percent <= 100.0);
-        share
-            .map(|percent| Self::Share(percent / 100.0))
-            .ok_or_else(expected)
+/// Repeats some of the runs of each study.
+pub(super) fn verify_all(args: &VerifyArgs) -> Result<(), CliError> {
+    let selection = Selection {
+        studies: &args.studies,
+        out: args.place.out.as_ref(),
+        quick: args.place.quick,
+        is_registered: args.registered.registered,
+        before_results: false,
+    };
+    let mut differing = 0;
+    for (plan, folder) in selection.load()? {
+        differing += verify(args, &plan, &folder, args.runs)?;
     }
-}
-
-impl Amount {
-    /// Number of runs of `stored`.
-    fn of(self, stored: usize) -> usize {
-        match self {
-            Self::Runs(runs) => runs.min(stored),
-            Self::Share(share) => {
-                seedbed_input::numbers::share_of_count(share, stored).clamp(1, stored)
-            }
-        }
-    }
+    error_of(differing, "not reproduced")
 }
 
 /// Repeats some of the stored runs and compares the results; if there are none in `folder`, some of
@@ -66,13 +45,13 @@ impl Amount {
 ///
 /// # Errors
 /// If the results are not those of the study or of its lock, or cannot be read.
-pub(super) fn verify(
-    args: &StudyArgs,
+fn verify(
+    args: &VerifyArgs,
     plan: &StudyPlan,
     folder: &StudyFolder,
     amount: Amount,
 ) -> Result<usize, CliError> {
-    let folder = &match args.out {
+    let folder = &match args.place.out {
         Some(_) => folder.clone(),
         None => published::stored_or_beside(&plan.path, folder.clone()),
     };
@@ -143,7 +122,7 @@ fn print_without_source(plan: &StudyPlan, results: &Results) -> usize {
 }
 
 fn verify_stored(
-    args: &StudyArgs,
+    args: &VerifyArgs,
     plan: &StudyPlan,
     folder: &StudyFolder,
     amount: Amount,
@@ -166,7 +145,7 @@ fn verify_stored(
 }
 
 fn verify_published(
-    args: &StudyArgs,
+    args: &VerifyArgs,
     plan: &StudyPlan,
     folder: &StudyFolder,
     results: Results,
@@ -193,7 +172,7 @@ struct Chosen<'a> {
 }
 
 /// The choice that `--draw` repeats, or a new one.
-pub(super) fn draw(args: &StudyArgs) -> Result<Draw, CliError> {
+pub(super) fn draw(number: Option<u64>) -> Result<Draw, CliError> {
     let fresh = || {
         Draw::fresh().map_err(|error| {
             CliError::Runtime(format!(
@@ -201,11 +180,11 @@ pub(super) fn draw(args: &StudyArgs) -> Result<Draw, CliError> {
             ))
         })
     };
-    args.draw.map(Draw::with_number).map_or_else(fresh, Ok)
+    number.map(Draw::with_number).map_or_else(fresh, Ok)
 }
 
 fn choose<'a>(
-    args: &StudyArgs,
+    args: &VerifyArgs,
     runs: Vec<PlannedRun<'a>>,
     is_there: impl Fn(&PlannedRun<'_>) -> bool,
     amount: Amount,
@@ -215,7 +194,7 @@ fn choose<'a>(
     if there.is_empty() {
         return Err(no_runs(folder));
     }
-    let draw = draw(args)?;
+    let draw = draw(args.draw)?;
     let chosen = Chosen {
         runs: draw.choose(&there, amount.of(there.len())),
         total: there.len(),
@@ -283,22 +262,5 @@ impl Chosen<'_> {
                 describe_run(run, &file(run).display().to_string())
             );
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn amounts_are_runs_or_shares() {
-        assert_eq!("10".parse(), Ok(Amount::Runs(10)));
-        assert_eq!("2%".parse(), Ok(Amount::Share(0.02)));
-        for text in ["0", "-1", "0%", "101%", "x", "1e9999%", ""] {
-            assert!(text.parse::<Amount>().is_err(), "{text}");
-        }
-        assert_eq!(Amount::Runs(10).of(4), 4);
-        assert_eq!(Amount::Share(0.02).of(3), 1);
-        assert_eq!(Amount::Share(0.02).of(101), 3);
     }
 }

@@ -2,15 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use super::study::{check_same_study, registration_error};
-use super::{CliError, SubmitArgs, pluralize, report};
+use super::arguments::SubmitArgs;
+use super::plans::{check_same_study, registration_error};
+use crate::cli::{CliError, pluralize, report};
 use seedbed::input_files::{self, Directory};
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::evaluate::published;
 use seedbed::study::report::submission::{self, SubmissionError};
 use seedbed::study::store::StudyFolder;
 
-pub(super) fn submit(args: &SubmitArgs) -> Result<(), CliError> {
+pub(in crate::cli) fn submit(args: &SubmitArgs) -> Result<(), CliError> {
     let path = input_files::find_argument(&args.study, &[Directory::Scenarios])?;
     let plan = StudyPlan::load(&path, false)?;
     let plan = plan.registered().map_err(registration_error)?;

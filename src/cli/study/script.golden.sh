@@ -33,5 +33,5 @@ END_OF_REPORT_JOB
 fi
 
 # `exec`: Slurm signals the process of the script, which so is the program.
-exec "$seedbed" study "$study" --out "$folder" --quick \
+exec "$seedbed" study run "$study" --out "$folder" --quick \
     --jobs "${SLURM_CPUS_PER_TASK:-2}" --shard "$SLURM_ARRAY_TASK_ID/40"

@@ -1,23 +1,32 @@
-//! `seedbed study --merge`: copies the stored runs of a study from other directories.
+//! `seedbed study merge`: copies the stored runs of a study from other directories.
 
-use std::path::PathBuf;
-
-use super::execution::{jobs, lock_folder};
-use super::study::check_same_study;
-use super::{CliError, StudyArgs, pluralize, verify};
+use super::arguments::MergeArgs;
+use super::plans::{Selection, check_same_study};
+use super::verify;
+use crate::cli::execution::{jobs, lock_folder};
+use crate::cli::{CliError, pluralize};
 use seedbed::provenance::format_build_id;
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::execute::runner;
 use seedbed::study::store::StudyFolder;
 use seedbed::study::store::merge::{self, MergeError, Merged};
 
-pub(super) fn merge(
-    args: &StudyArgs,
-    plan: &StudyPlan,
-    target: &StudyFolder,
-    directories: &[PathBuf],
-) -> Result<(), CliError> {
-    let sources: Vec<StudyFolder> = directories.iter().map(StudyFolder::new).collect();
+pub(super) fn merge(args: &MergeArgs) -> Result<(), CliError> {
+    let selection = Selection {
+        studies: std::slice::from_ref(&args.study),
+        out: args.place.out.as_ref(),
+        quick: args.place.quick,
+        is_registered: args.registered.registered,
+        before_results: false,
+    };
+    for (plan, target) in selection.load()? {
+        merge_into(args, &plan, &target)?;
+    }
+    Ok(())
+}
+
+fn merge_into(args: &MergeArgs, plan: &StudyPlan, target: &StudyFolder) -> Result<(), CliError> {
+    let sources: Vec<StudyFolder> = args.from.iter().map(StudyFolder::new).collect();
     for source in &sources {
         check_source(plan, target, source)?;
     }
@@ -37,12 +46,12 @@ pub(super) fn merge(
 
 /// Repeats a random run of each directory, of those that are new.
 fn repeat_a_run_of_each(
-    args: &StudyArgs,
+    args: &MergeArgs,
     plan: &StudyPlan,
     target: &StudyFolder,
     sources: &[StudyFolder],
 ) -> Result<(), CliError> {
-    let draw = verify::draw(args)?;
+    let draw = verify::draw(args.draw)?;
     let runs = plan.distinct_runs();
     for (number, source) in (0..).zip(sources) {
         let mut new = runs.clone();
@@ -94,7 +103,7 @@ fn check_source(
     let real_path = |folder: &StudyFolder| folder.path().canonicalize().ok();
     if real_path(source) == real_path(target) {
         return Err(CliError::Usage(format!(
-            "{path} is the directory of the results itself; --merge expects other directories"
+            "{path} is the directory of the results itself; --from expects other directories"
         )));
     }
     check_same_study(plan, source)

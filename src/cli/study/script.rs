@@ -1,22 +1,15 @@
-//! `seedbed study --script`: prints a job script that executes a study as an array of shards.
+//! `seedbed study script`: prints a job script that executes a study as an array of shards.
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
-
-use super::{CliError, StudyArgs, pluralize};
+use super::arguments::{Scheduler, ScriptArgs};
+use super::plans::Selection;
+use crate::cli::{CliError, pluralize};
 use seedbed::experiment::COST_PER_MINUTE;
 use seedbed::input_files::{self, BUILTIN_FILES};
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::store::StudyFolder;
 use seedbed::text::shell_word;
-
-/// Schedulers for which scripts are printed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Scheduler {
-    /// Slurm: a file for `sbatch`
-    Slurm,
-}
 
 /// What a script says of its study. Words are quoted for the shell.
 struct JobScript {
@@ -28,18 +21,33 @@ struct JobScript {
     study: String,
     folder: String,
     working_directory: String,
+    /// `run` or `confirm`.
+    action: &'static str,
     /// Options that the command had as well, such as ` --quick`.
     options: String,
 }
 
 /// Prints a script, and how to use it.
-pub(super) fn print(
-    args: &StudyArgs,
-    plan: &StudyPlan,
-    folder: &StudyFolder,
-) -> Result<(), CliError> {
+pub(super) fn print(args: &ScriptArgs) -> Result<(), CliError> {
+    let selection = Selection {
+        studies: std::slice::from_ref(&args.study),
+        out: args.place.out.as_ref(),
+        quick: args.place.quick,
+        is_registered: args.registered.registered,
+        before_results: false,
+    };
+    for (plan, folder) in selection.load()? {
+        print_for(args, &plan, &folder)?;
+    }
+    Ok(())
+}
+
+fn print_for(args: &ScriptArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
     let script = JobScript::new(args, plan, folder)?;
-    say!("{}", script.slurm().trim_end());
+    let text = match args.scheduler {
+        Scheduler::Slurm => script.slurm(),
+    };
+    say!("{}", text.trim_end());
     let command: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<_> = command.iter().map(|word| shell_word(word)).collect();
     let file = format!("{}.sbatch", script.name);
@@ -52,9 +60,10 @@ pub(super) fn print(
 }
 
 impl JobScript {
-    fn new(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<Self, CliError> {
+    fn new(args: &ScriptArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<Self, CliError> {
         if input_files::is_stream(&plan.path) {
-            let message = "--script needs the path of a study file, not a pipe: the jobs read it";
+            let message =
+                "a job script needs the path of a study file, not a pipe: the jobs read it";
             return Err(CliError::Usage(message.to_owned()));
         }
         let costs: Vec<f64> = plan
@@ -75,6 +84,11 @@ impl JobScript {
             study: path_word(&plan.path)?,
             folder: path_word(folder.path())?,
             working_directory: path_word(Path::new("."))?,
+            action: if args.registered.registered {
+                "confirm"
+            } else {
+                "run"
+            },
             options: options(args),
         })
     }
@@ -90,6 +104,7 @@ impl JobScript {
             study,
             folder,
             working_directory,
+            action,
             options,
         } = self;
         let last_task = tasks - 1;
@@ -129,7 +144,7 @@ END_OF_REPORT_JOB
 fi
 
 # `exec`: Slurm signals the process of the script, which so is the program.
-exec "$seedbed" study "$study" --out "$folder"{options} \
+exec "$seedbed" study {action} "$study" --out "$folder"{options} \
     --jobs "${{SLURM_CPUS_PER_TASK:-{jobs}}}" --shard "$SLURM_ARRAY_TASK_ID/{tasks}"
 "#
         )
@@ -167,10 +182,9 @@ fn job_name(study: &str) -> String {
 }
 
 /// The options of the command that its shards need as well.
-fn options(args: &StudyArgs) -> String {
+fn options(args: &ScriptArgs) -> String {
     let options = [
-        (args.quick, " --quick"),
-        (args.confirm, " --confirm"),
+        (args.place.quick, " --quick"),
         (args.execution.retry, " --retry"),
         (args.execution.ignore_memory, " --ignore-memory"),
     ];
@@ -220,9 +234,10 @@ mod tests {
             study: path_word(Path::new("/home/o'neill/$HOME größe 2.ron")).unwrap(),
             folder: path_word(Path::new("/scratch/50%/out")).unwrap(),
             working_directory: path_word(Path::new("/home/o'neill")).unwrap(),
+            action: "run",
             options: " --quick".to_owned(),
         };
-        expect_test::expect_file!["job_script.golden.sh"].assert_eq(&script.slurm());
+        expect_test::expect_file!["script.golden.sh"].assert_eq(&script.slurm());
     }
 
     #[test]

@@ -1,0 +1,113 @@
+//! The studies of a command, and the folders of their results.
+
+use std::path::{Path, PathBuf};
+
+use crate::cli::CliError;
+use seedbed::input_files;
+use seedbed::study::design::lock::{Lock, RegistrationError};
+use seedbed::study::design::plan::StudyPlan;
+use seedbed::study::store::StudyFolder;
+
+/// Which studies are meant, and where their results are.
+#[derive(Clone, Copy)]
+pub(super) struct Selection<'a> {
+    pub(super) studies: &'a [PathBuf],
+    pub(super) out: Option<&'a PathBuf>,
+    pub(super) quick: bool,
+    /// Whether their runs are those that are registered.
+    pub(super) is_registered: bool,
+    /// Whether results of others need not exist yet.
+    pub(super) before_results: bool,
+}
+
+impl Selection<'_> {
+    /// Reads the studies, each with the folder of its results.
+    pub(super) fn load(self) -> Result<Vec<(StudyPlan, StudyFolder)>, CliError> {
+        let plans: Result<Vec<StudyPlan>, CliError> =
+            self.studies.iter().map(|path| self.plan(path)).collect();
+        let plans = plans?;
+        check_distinct_folders(&plans)?;
+        if plans.len() > 1 && self.out.is_some() {
+            let message = "--out can be used with one study only".to_owned();
+            return Err(CliError::Usage(message));
+        }
+        let with_folder = |plan: StudyPlan| {
+            let folder = self.out.cloned().unwrap_or_else(|| plan.default_folder());
+            (plan, StudyFolder::new(folder))
+        };
+        Ok(plans.into_iter().map(with_folder).collect())
+    }
+
+    fn plan(self, path: &Path) -> Result<StudyPlan, CliError> {
+        input_files::accept_stream(path);
+        let plan = if self.before_results || self.is_registered {
+            StudyPlan::load_before_results(path, self.quick)?
+        } else {
+            StudyPlan::load(path, self.quick)?
+        };
+        if self.is_registered {
+            plan.registered().map_err(registration_error)
+        } else {
+            Ok(plan)
+        }
+    }
+}
+
+pub(in crate::cli) fn registration_error(error: RegistrationError) -> CliError {
+    match error {
+        RegistrationError::File(error) => CliError::Runtime(error.to_string()),
+        error => CliError::Usage(error.to_string()),
+    }
+}
+
+/// An error if two studies would write to one directory: each would take the other's runs for its
+/// own.
+fn check_distinct_folders(plans: &[StudyPlan]) -> Result<(), CliError> {
+    let repeated_name = plans.iter().enumerate().find(|(index, plan)| {
+        plans[..*index]
+            .iter()
+            .any(|earlier| earlier.name == plan.name)
+    });
+    repeated_name.map_or(Ok(()), |(_, plan)| {
+        let folder = plan.default_folder();
+        Err(CliError::Usage(format!(
+            "two studies are named `{}` and would both write to {}; run them one at a time with --out",
+            plan.name,
+            folder.display()
+        )))
+    })
+}
+
+/// An error if the directory belongs to another study, or to this study with another value of
+/// `--quick`.
+pub(in crate::cli) fn check_same_study(
+    plan: &StudyPlan,
+    folder: &StudyFolder,
+) -> Result<(), CliError> {
+    let manifest = folder.manifest_if_any();
+    let Some(manifest) = manifest.map_err(|error| CliError::Usage(error.to_string()))? else {
+        return Ok(());
+    };
+    let is_same = (manifest.name.as_str(), manifest.quick) == (plan.name.as_str(), plan.quick);
+    let lock_id = |lock: &Option<Lock>| lock.as_ref().map(|lock| lock.id.clone());
+    if is_same && lock_id(&manifest.lock) == lock_id(&plan.lock) {
+        return Ok(());
+    }
+    if is_same {
+        return Err(CliError::Usage(format!(
+            "{} contains this study with other run seeds (registered: {}); choose another directory with --out",
+            folder.path().display(),
+            manifest.lock.as_ref().map_or("no", Lock::short_id)
+        )));
+    }
+    let kind = if manifest.quick {
+        "quick study"
+    } else {
+        "study"
+    };
+    let path = folder.path().display();
+    Err(CliError::Usage(format!(
+        "{path} contains the {kind} `{}`; choose another directory with --out",
+        manifest.name
+    )))
+}
