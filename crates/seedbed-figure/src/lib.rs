@@ -90,6 +90,17 @@ pub struct Axis {
     pub nan: f64,
 }
 
+impl Axis {
+    /// Name and unit, such as `angle [rad]`.
+    fn label(&self) -> String {
+        if self.unit.is_empty() {
+            self.name.clone()
+        } else {
+            format!("{} [{}]", self.name, self.unit)
+        }
+    }
+}
+
 /// Rows of panels on a white page. Lengths are CSS pixels, 1/96 inch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {

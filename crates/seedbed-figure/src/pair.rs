@@ -2,8 +2,8 @@
 
 use super::color::{Color, count_color};
 use super::frame::{Frame, Plot};
-use super::parallel::percent;
 use super::pixels;
+use super::scale::percent;
 use super::svg::{Rect, SvgWriter};
 use crate::Axis;
 
@@ -108,17 +108,8 @@ fn axis_label_with_shares(axis: &Axis) -> String {
         .map(|(name, share)| format!("{name} {}", percent(share)))
         .collect();
     if shares.is_empty() {
-        axis_label(axis)
+        axis.label()
     } else {
-        format!("{} ({})", axis_label(axis), shares.join(", "))
-    }
-}
-
-/// Name and unit of an axis, such as `angle [rad]`.
-pub(super) fn axis_label(axis: &Axis) -> String {
-    if axis.unit.is_empty() {
-        axis.name.clone()
-    } else {
-        format!("{} [{}]", axis.name, axis.unit)
+        format!("{} ({})", axis.label(), shares.join(", "))
     }
 }

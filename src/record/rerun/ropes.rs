@@ -7,8 +7,7 @@ use rerun::{EntityPath, LineStrip2D, LineStrips2D};
 
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, rgb, static_chunk};
-use super::scene::FIXED_COLOR;
-use super::shapes::with_y_down;
+use super::shapes::{FIXED_COLOR, with_y_down};
 use crate::record::outline::rope_line;
 use seedbed_env::{Pose, SceneRope};
 

@@ -16,7 +16,7 @@ use super::error::RecordingError;
 use super::forces::ForceWriter;
 use super::ropes::RopeWriter;
 use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, static_chunk};
-use super::shapes::{hinge, lines_and_discs, rotation_of, translation_of};
+use super::shapes::{FIXED_COLOR, hinge, lines_and_discs, rotation_of, translation_of};
 use super::terrain::TerrainWriter;
 use crate::record::BodyTrajectory;
 use crate::record::framing::{Bounds, episode_bounds};
@@ -33,7 +33,6 @@ const STEPS_PER_CHUNK: usize = 2048;
 /// Name of the entity that the view follows if a body is tracked.
 const CAMERA: &str = "camera";
 
-pub(super) const FIXED_COLOR: [u8; 3] = [120, 120, 130];
 const ALTERNATE_COLOR: [u8; 3] = [225, 225, 232];
 
 /// Poses, ropes, ground, traces and forces in the scene of one agent that are not written yet.

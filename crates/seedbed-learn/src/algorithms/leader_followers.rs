@@ -27,8 +27,8 @@ use super::seed_pg::config::{
 use crate::agent::bonus::Bonus;
 use crate::agent::network_info::NetworkInfo;
 use crate::agent::policy::ActionSelection;
-use crate::agent::scaling::ObservationScaling;
 use crate::nn::AdamSettings;
+use crate::scaling::ObservationScaling;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, Fraction, NonNegative, Positive, ranged_count, ranged_number};

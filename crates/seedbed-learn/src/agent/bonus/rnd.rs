@@ -5,12 +5,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{BonusScale, ModelSharing};
+use crate::agent::AgentContext;
 use crate::agent::dynamics::transitions::{Moments, Rows, Targets, TransitionEncoder};
 use crate::agent::network::{Descent, LearnedState, Network};
-use crate::agent::{AgentContext, Tensor, network_tensors};
 use crate::cancellation::cancellation_point;
 use crate::experience::Episode;
-use crate::nn::{Activations, AdamSettings, Initial, Mlp};
+use crate::nn::{Activations, AdamSettings, Initial, Mlp, Tensor, network_tensors};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, ranged_count};
 use seedbed_random::{Purpose, Stream, stream};

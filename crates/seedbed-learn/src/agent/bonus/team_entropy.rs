@@ -7,12 +7,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{BonusScale, ModelSharing};
-use crate::agent::scaling::{ObservationScaling, Scaling};
-use crate::agent::{AgentContext, Tensor};
+use crate::agent::AgentContext;
 use crate::experience::Episode;
 use crate::experience::replay::Origin;
-use crate::nn::STANDARDIZED_LIMIT;
+use crate::nn::{STANDARDIZED_LIMIT, Tensor};
 use crate::rl::state_entropy::{self, NeighborScratch};
+use crate::scaling::{ObservationScaling, Scaling};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, ranged_count};
 use seedbed_random::Stream;

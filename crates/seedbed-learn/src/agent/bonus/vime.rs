@@ -10,12 +10,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{BonusScale, ModelSharing};
+use crate::agent::AgentContext;
 use crate::agent::dynamics::transitions::{Rows, Targets};
 use crate::agent::dynamics::{DynamicsModel, ModelShape, fill_normal};
-use crate::agent::{AgentContext, Tensor, network_tensors};
 use crate::experience::Episode;
-use crate::nn::BayesianSettings;
 use crate::nn::bayesian::{DiagonalGaussian, Draws, PassBuffers};
+use crate::nn::{BayesianSettings, Tensor, network_tensors};
 use crate::rl::information_gain;
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, Positive, ranged_count, ranged_number};

@@ -12,11 +12,11 @@ use crate::agent::bonus::Bonus;
 use crate::agent::network::Network;
 use crate::agent::network_info::{self, ModelInfo, NetworkInfo, OutputTerm, ScalingInfo};
 use crate::agent::policy::ActionSelection;
-use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::seed_pg::config::TimeLimit;
 use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
 use crate::experience::replay::Replay;
 use crate::nn::AdamSettings;
+use crate::scaling::ObservationScaling;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{

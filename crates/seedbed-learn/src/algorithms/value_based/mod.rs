@@ -31,12 +31,12 @@ use self::exploration::Chooser;
 use self::local_models::LocalModels;
 use self::model::{LearningContext, ValueModel};
 use crate::agent::bonus::{Bonus, SHARED_OWNER};
-use crate::agent::scaling::Scaling;
-use crate::agent::{ActScratch, Tensor, Update, UpdateReport, ValueScratch};
+use crate::agent::{ActScratch, Update, UpdateReport, ValueScratch};
 use crate::experience::replay::Replay;
 use crate::experience::{Episode, Experience, StepData};
-use crate::nn::{Mlp, Standardizer};
+use crate::nn::{Mlp, Standardizer, Tensor};
 use crate::rl::index_conditioned;
+use crate::scaling::Scaling;
 use crate::team::{
     ActionRequest, AgentUpdate, LearningRequest, LearningTiming, SavedTeam, Team, TeamContext,
     Workers,
