@@ -350,11 +350,12 @@ fn check_parameters(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), V
     if learning.minibatch.get() > learning.replay.get() {
         return Err(small_replay(learning));
     }
-    if bonus.is_team_entropy() && !bonus.has_shared_model() {
-        return Err(bonus.error(
-            "value-based learners share all transitions, and `TeamEntropy` has no model that could be frozen; expected \
+    if !bonus.can_be_frozen() && !bonus.has_shared_model() {
+        return Err(bonus.error(format!(
+            "value-based learners share all transitions, and `{}` has no model that could be frozen; expected \
              `model: Shared`",
-        ));
+            bonus.name()
+        )));
     }
     Bonus::check(bonus)?;
     if bonus.has_independent_models() {
