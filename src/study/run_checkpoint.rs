@@ -36,7 +36,7 @@ pub(super) const EXTENSION: &str = "checkpoint";
 
 const FORMAT: Format = Format {
     kind: *b"srun",
-    version: 2,
+    version: 3,
 };
 
 /// Share of the time of a thread that checkpoints may take.

@@ -322,7 +322,7 @@ impl<T: ValueBased> AlgorithmConfig for T {
         // A target network, a prior and an initial state in addition.
         let model = network + network / 2 + composition.bonus.memory(task);
         let stored = steps.min(learning.replay.get().into());
-        let replay = Replay::memory(stored, task.observation_width());
+        let replay = Replay::memory(stored, task.into());
         let indices = composition.index.map_or(0, |index| {
             // The value network and the prior for the index of each agent, as numbers and as bytes.
             let folded = super::network_shape(learning, task, choices).parameter_count() as u64;

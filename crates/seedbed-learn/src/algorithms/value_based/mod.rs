@@ -127,7 +127,7 @@ impl ValueTeam {
                 .map(|agent| agent % composition.models)
                 .collect(),
             followers: vec![Vec::new(); composition.models],
-            replay: Replay::new(learning.replay.get() as usize, spec.observation_width()),
+            replay: Replay::new(learning.replay.get() as usize, spec.into()),
             steps: 0,
             steps_of_round: 0,
             new_transitions: 0,
