@@ -71,7 +71,7 @@ impl AlgorithmConfig for CrossEntropy {
         Box::new(CrossEntropyTeam::new(self, context))
     }
 
-    fn select_actions(&mut self, selection: ActionSelection) {
+    fn set_action_selection(&mut self, selection: ActionSelection) {
         self.actions = selection;
     }
 

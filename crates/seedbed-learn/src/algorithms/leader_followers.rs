@@ -135,7 +135,7 @@ impl AlgorithmConfig for LeaderFollowers {
         self.learner(LEADER, 1).check()
     }
 
-    fn select_actions(&mut self, selection: ActionSelection) {
+    fn set_action_selection(&mut self, selection: ActionSelection) {
         self.actions = selection.into();
     }
 

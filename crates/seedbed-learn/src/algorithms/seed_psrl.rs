@@ -158,7 +158,7 @@ impl AlgorithmConfig for SeedPsrl {
     }
 
     /// A greedy agent plans with the mean weights.
-    fn select_actions(&mut self, selection: ActionSelection) {
+    fn set_action_selection(&mut self, selection: ActionSelection) {
         if selection == ActionSelection::Greedy {
             self.draw = ModelDraw::Mean;
         }

@@ -350,7 +350,7 @@ impl AlgorithmConfig for SeedPg {
         }
     }
 
-    fn select_actions(&mut self, selection: ActionSelection) {
+    fn set_action_selection(&mut self, selection: ActionSelection) {
         self.actions = selection.into();
     }
 

@@ -208,16 +208,56 @@ impl ModelAssignment {
     }
 }
 
+/// The fields that the configurations of all value-based learners have.
+pub(super) trait CommonFields {
+    /// How actions are chosen from values.
+    fn exploration(&self) -> Exploration;
+    /// The same, to be replaced.
+    fn exploration_mut(&mut self) -> &mut Exploration;
+    /// Whether the learning network chooses the action that the target network evaluates.
+    fn double(&self) -> bool;
+    /// Parameters that all value-based learners have.
+    fn learning(&self) -> &Learning;
+    /// Exploration bonus.
+    fn located_bonus(&self) -> &Located<Bonus>;
+}
+
+/// Implements [`CommonFields`] for a configuration.
+macro_rules! has_common_fields {
+    ($config:ty) => {
+        impl CommonFields for $config {
+            fn exploration(&self) -> Exploration {
+                self.exploration
+            }
+
+            fn exploration_mut(&mut self) -> &mut Exploration {
+                &mut self.exploration
+            }
+
+            fn double(&self) -> bool {
+                self.double
+            }
+
+            fn learning(&self) -> &Learning {
+                &self.learning
+            }
+
+            fn located_bonus(&self) -> &Located<Bonus> {
+                &self.bonus
+            }
+        }
+    };
+}
+pub(super) use has_common_fields;
+
+has_common_fields!(QLearning);
+has_common_fields!(SeedTd);
+has_common_fields!(BootstrappedDqn);
+
 /// The configuration of a value-based learner.
-pub(super) trait ValueBased {
+pub(super) trait ValueBased: CommonFields {
     /// The settings for a team of `agents`.
     fn compose(&self, agents: usize) -> Composition;
-
-    /// The parameters that all value-based learners have.
-    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>);
-
-    /// How actions are chosen.
-    fn exploration_mut(&mut self) -> &mut Exploration;
 
     /// Checks that models can learn during a round.
     fn check_lockstep(&self) -> Result<(), ValidationError> {
@@ -237,8 +277,7 @@ impl<T: ValueBased> AlgorithmConfig for T {
     }
 
     fn check(&self) -> Result<(), ValidationError> {
-        let (learning, bonus) = self.learning_and_bonus();
-        check_parameters(learning, bonus)
+        check_parameters(self.learning(), self.located_bonus())
     }
 
     fn check_schedule(&self, schedule: ScheduleKind) -> Result<(), ScheduleError> {
@@ -277,13 +316,13 @@ impl<T: ValueBased> AlgorithmConfig for T {
         choice_count(task).map(|_| ()).map_err(message)
     }
 
-    fn select_actions(&mut self, selection: ActionSelection) {
+    fn set_action_selection(&mut self, selection: ActionSelection) {
         let exploration = self.exploration_mut();
         *exploration = exploration.with_actions(selection);
     }
 
     fn bonus(&self) -> Option<&Bonus> {
-        Some(self.learning_and_bonus().1)
+        Some(self.located_bonus())
     }
 
     fn network_info(&self, task: &TaskSpec, agents: usize) -> Option<NetworkInfo> {
@@ -388,18 +427,8 @@ impl ValueBased for QLearning {
             } else {
                 agents
             },
-            exploration: self.exploration,
-            double: self.double,
-            ..Composition::with_defaults(&self.learning, &self.bonus)
+            ..Composition::of_fields(self)
         }
-    }
-
-    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>) {
-        (&self.learning, &self.bonus)
-    }
-
-    fn exploration_mut(&mut self) -> &mut Exploration {
-        &mut self.exploration
     }
 }
 
@@ -415,18 +444,8 @@ impl ValueBased for SeedTd {
             prior_scale: self.prior_scale.get_f32(),
             regularization: self.regularisation.get_f32(),
             fit: *self.fit,
-            exploration: self.exploration,
-            double: self.double,
-            ..Composition::with_defaults(&self.learning, &self.bonus)
+            ..Composition::of_fields(self)
         }
-    }
-
-    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>) {
-        (&self.learning, &self.bonus)
-    }
-
-    fn exploration_mut(&mut self) -> &mut Exploration {
-        &mut self.exploration
     }
 
     fn has_reward_seeds(&self) -> bool {
@@ -453,18 +472,8 @@ impl ValueBased for BootstrappedDqn {
             },
             mask: self.mask.get_f32(),
             prior_scale: self.prior_scale.get_f32(),
-            exploration: self.exploration,
-            double: self.double,
-            ..Composition::with_defaults(&self.learning, &self.bonus)
+            ..Composition::of_fields(self)
         }
-    }
-
-    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>) {
-        (&self.learning, &self.bonus)
-    }
-
-    fn exploration_mut(&mut self) -> &mut Exploration {
-        &mut self.exploration
     }
 }
 
@@ -475,8 +484,8 @@ impl Composition {
         index.map_or(choices, |index| index.outputs(choices))
     }
 
-    /// One greedy model without seeds, masks and priors.
-    pub(super) fn with_defaults(learning: &Learning, bonus: &Bonus) -> Self {
+    /// One model without seeds, masks and priors, with the common fields of a configuration.
+    pub(super) fn of_fields(config: &impl CommonFields) -> Self {
         Self {
             models: 1,
             assignment: ModelAssignment::Fixed,
@@ -486,10 +495,10 @@ impl Composition {
             regularization: 0.0,
             fit: Fit::Td,
             index: None,
-            double: false,
-            exploration: Exploration::Greedy,
-            learning: learning.clone(),
-            bonus: bonus.clone(),
+            double: config.double(),
+            exploration: config.exploration(),
+            learning: config.learning().clone(),
+            bonus: config.located_bonus().value().clone(),
         }
     }
 }
