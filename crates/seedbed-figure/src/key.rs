@@ -2,7 +2,7 @@
 
 use super::color::{self, Color, MUTED_COLOR};
 use super::font::{Weight, fit_text, text_width};
-use super::frame::{LABEL_SIZE, TICK_SIZE};
+use super::panel_axes::{LABEL_SIZE, TICK_SIZE};
 use super::scale::{Scale, format_significant, log_position};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 

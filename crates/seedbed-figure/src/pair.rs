@@ -1,7 +1,7 @@
 //! Plots of two dimensions against each other: as points, or as counts.
 
 use super::color::{Color, count_color};
-use super::frame::{Frame, Plot};
+use super::panel_axes::{PanelAxes, Plot};
 use super::pixels;
 use super::scale::percent;
 use super::svg::{Rect, SvgWriter};
@@ -49,7 +49,7 @@ pub struct HeatMap {
 
 impl Scatter {
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
-        let plot = draw_frame(&self.title, &self.x, &self.y, panel, svg);
+        let plot = draw_axes(&self.title, &self.x, &self.y, panel, svg);
         let (radius, opacity) = if self.points.len() > 500 {
             (1.3, 0.5)
         } else {
@@ -69,7 +69,7 @@ impl Scatter {
 
 impl HeatMap {
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
-        let plot = draw_frame(&self.title, &self.x, &self.y, panel, svg);
+        let plot = draw_axes(&self.title, &self.x, &self.y, panel, svg);
         let from_the_top = self.counts.chunks(self.columns.max(1)).rev().flatten();
         let colors: Vec<Color> = from_the_top
             .map(|&count| count_color(count, self.max_count))
@@ -84,8 +84,8 @@ impl HeatMap {
     }
 }
 
-fn draw_frame(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter) -> Plot {
-    let frame = Frame {
+fn draw_axes(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter) -> Plot {
+    let axes = PanelAxes {
         title,
         x_label: &axis_label_with_shares(x),
         y_label: &axis_label_with_shares(y),
@@ -95,7 +95,7 @@ fn draw_frame(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter
         y_logarithmic: false,
         has_grid: false,
     };
-    frame.draw(panel, svg)
+    axes.draw(panel, svg)
 }
 
 /// Name and unit of an axis, with the shares of values that are not drawn at their place, such as

@@ -2,7 +2,7 @@
 
 use super::color::{AXIS_COLOR, Color, MUTED_COLOR, count_color, difference_color};
 use super::font::{Weight, fit_text, text_width};
-use super::frame::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
+use super::panel_axes::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
 use super::pixels;
 use super::scale::{Scale, format_number, percent};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
