@@ -29,5 +29,6 @@ pub mod text;
 
 pub use {
     seedbed_env as env, seedbed_figure as figure, seedbed_input as input, seedbed_learn as learn,
-    seedbed_random as random, seedbed_settings as settings, seedbed_stats as stats,
+    seedbed_random as random, seedbed_scene as scene, seedbed_settings as settings,
+    seedbed_stats as stats,
 };

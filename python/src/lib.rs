@@ -1,7 +1,6 @@
 //! Native part of the Python package `seedbed`. It is imported as `seedbed._native` by the modules in
 //! `python/seedbed/`, which give it the interfaces of Gymnasium and PettingZoo.
 
-mod record;
 mod tasks;
 
 /// The module `seedbed._native`.

@@ -196,7 +196,7 @@ def test_a_run_in_progress_and_a_killed_one_are_read(program, tmp_path):
     result = subprocess.run([program, "inspect", tmp_path / "run", "--json"], capture_output=True, text=True)
     assert json.loads(result.stdout)["agents"][0]["episodes"] == 2
     assert "agent_0.states: ignored" in result.stderr
-    environment._recorder._recorders.is_closed = True  # the truncated file cannot be completed
+    environment._recorder._agent_files.is_closed = True  # the truncated file cannot be completed
 
 
 @pytest.fixture

@@ -69,7 +69,7 @@ def step_all(environments: gymnasium.vector.VectorEnv, actions: np.ndarray, mode
 @pytest.mark.parametrize("make", [SyncVectorEnv, partial(AsyncVectorEnv, context="fork")])
 def test_episodes_are_those_of_the_copies(tmp_path, mode, make, monkeypatch):
     # Few rows, so that most episodes are written in several parts.
-    monkeypatch.setattr("seedbed.recording.MAX_BUFFERED_NUMBERS", 0)
+    monkeypatch.setattr("seedbed.agent_files.MAX_BUFFERED_NUMBERS", 0)
     copies = 3
     environments = RecordVisitationVector(make([Walk] * copies, autoreset_mode=mode), tmp_path, agents=[4, 0, 2], keep_unfinished=False)
     actions = np.random.default_rng(1).uniform(-1, 1, (200, copies, 1)).astype(np.float32)

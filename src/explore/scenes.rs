@@ -3,13 +3,13 @@
 use serde::Serialize;
 
 use super::encode::{encode_16, level};
-use crate::film::drawing::points_and_thickness;
 use crate::film::{FilmError, evenly_spaced};
 use crate::record::RecordedScene;
-use crate::record::framing::{self, Bounds};
 use crate::run::Plan;
 use crate::run::review::LoadedRun;
 use seedbed_env::{Pose, Scene, SceneRope};
+use seedbed_scene::camera::{Bounds, bounds_of_episodes};
+use seedbed_scene::outline::points_and_thickness;
 
 /// Maximum number of episodes of a run whose bodies are in the page.
 const MAX_EPISODES: usize = 12;
@@ -76,10 +76,8 @@ impl Filmed {
             episodes.extend(recorded.into_iter().map(|scene| (agent, scene)));
         }
         let episodes = evenly_spaced(episodes, MAX_EPISODES);
-        let bounds = episodes.iter().filter_map(|(_, recorded)| {
-            framing::episode_bounds(scene, &recorded.poses, &recorded.terrain)
-        });
-        Ok(bounds.reduce(framing::union).map(|bounds| Self {
+        let motions = episodes.iter().map(|(_, recorded)| recorded.motion());
+        Ok(bounds_of_episodes(scene, motions).map(|bounds| Self {
             scene: scene.clone(),
             bounds,
             episodes,

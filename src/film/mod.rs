@@ -3,13 +3,11 @@
 //!
 //! [`Film::new`] chooses the scenes, [`Film::frame`] arranges one picture, [`gif`] encodes pictures.
 
-pub(crate) mod drawing;
 pub mod gif;
 
 use std::path::PathBuf;
 
 use crate::plotting;
-use crate::record::framing;
 use crate::record::visitation::Unplaced;
 use crate::record::{EpisodeRow, ReadError, RecordedScene, RecordedStates};
 use crate::run::Plan;
@@ -23,6 +21,7 @@ use seedbed_figure::{
     Axis, Curves, Drawing, Figure, Panel, ParallelCoordinates, Row, Series, StateLine, States,
 };
 use seedbed_input::InputError;
+use seedbed_scene::{camera, drawing};
 
 /// What is filmed: a recording and the task in which it was made.
 #[derive(Debug)]
@@ -350,10 +349,8 @@ impl Bodies {
         };
         let recorded = filmed.recording.scenes(settings.agent, scene)?;
         let episodes = evenly_spaced(recorded, settings.scenes);
-        let bounds = episodes.iter();
-        let bounds = bounds
-            .filter_map(|episode| framing::episode_bounds(scene, &episode.poses, &episode.terrain));
-        let Some(bounds) = bounds.reduce(framing::union) else {
+        let motions = episodes.iter().map(RecordedScene::motion);
+        let Some(bounds) = camera::bounds_of_episodes(scene, motions) else {
             return Ok(None);
         };
         let frame_time = 1.0 / f64::from(settings.frames_per_second);

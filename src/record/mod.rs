@@ -9,10 +9,8 @@
 
 mod bonus;
 mod common_axes;
-pub(crate) mod framing;
 mod live_error;
 pub mod metrics;
-pub(crate) mod outline;
 mod recorded_episode;
 mod recorded_states;
 #[cfg(not(feature = "rerun"))]

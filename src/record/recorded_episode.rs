@@ -40,6 +40,13 @@ pub struct RecordedScene {
     pub terrain: Vec<Vec<[f32; 2]>>,
 }
 
+impl RecordedScene {
+    /// The poses and the lines of the ground, as cameras take them.
+    pub(crate) fn motion(&self) -> (&[Pose], &[Vec<[f32; 2]>]) {
+        (&self.poses, &self.terrain)
+    }
+}
+
 /// Error: a recording cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {

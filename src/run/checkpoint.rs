@@ -58,7 +58,7 @@ pub struct CheckpointError {
 
 const FORMAT: Format = Format {
     kind: *b"ckpt",
-    version: 13,
+    version: 14,
 };
 
 impl CheckpointWriter {

@@ -5,13 +5,13 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::episode_warning::EpisodeWarning;
-use crate::record::outline::terrain_lines;
 use crate::record::{BodyTrajectory, SceneSettings};
 use seedbed_env::{Environment, Pose, Status};
 use seedbed_learn::agent::ActScratch;
 use seedbed_learn::experience::Episode;
 use seedbed_learn::team::{ActionRequest, Team};
 use seedbed_random::{Purpose, Stream, stream};
+use seedbed_scene::outline::terrain_lines;
 
 /// The episodes that consecutive agents are playing, one slot per agent. The agents act in
 /// consecutive copies of an environment.

@@ -60,8 +60,8 @@ use crate::scenario::{self, Scenario, overrides};
 use crate::text::file_stem;
 use seedbed_env::TaskDescription;
 use seedbed_input::{Document, InputError};
-use seedbed_learn::agent::Tensor;
 use seedbed_learn::cancellation::Cancellation;
+use seedbed_learn::nn::Tensor;
 use seedbed_settings::{Difference, Settings};
 
 /// A scenario and its task, read and checked: all that determines the results of a run.

@@ -226,8 +226,14 @@ mod tests {
     use super::*;
     use seedbed_env::{Status, TaskSpec};
     use seedbed_learn::experience::Episode;
+    use seedbed_learn::experience::replay::RowWidths;
 
     const CAPACITY: usize = 10;
+
+    const WIDTHS: RowWidths = RowWidths {
+        observation: 1,
+        action: 1,
+    };
 
     /// A run with a replay buffer of [`CAPACITY`] transitions of one observation each.
     struct TestRun {
@@ -241,7 +247,7 @@ mod tests {
             let folder = tempfile::tempdir().unwrap();
             Self {
                 file: ReplayFile::new(folder.path().to_owned()),
-                replay: Replay::new(CAPACITY, 1),
+                replay: Replay::new(CAPACITY, WIDTHS),
                 folder,
             }
         }
@@ -271,7 +277,7 @@ mod tests {
 
         /// The replay buffer of a run that is resumed from a checkpoint, and its file.
         fn read(&self, stored: StoredTransitions) -> Result<(Replay, ReplayFile), CheckpointError> {
-            let mut replay = Replay::new(CAPACITY, 1);
+            let mut replay = Replay::new(CAPACITY, WIDTHS);
             let file = ReplayFile::read(self.folder.path().to_owned(), stored, &mut replay)?;
             Ok((replay, file))
         }

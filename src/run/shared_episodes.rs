@@ -9,7 +9,8 @@ use std::collections::BTreeSet;
 use super::ranks::Ranks;
 use seedbed_env::Status;
 use seedbed_learn::experience::Episode;
-use seedbed_learn::team::{EpisodeInfo, Team};
+use seedbed_learn::experience::EpisodeInfo;
+use seedbed_learn::team::Team;
 
 /// The episodes of a round, in (agent, episode) order. Those that this rank does not need have no
 /// steps.

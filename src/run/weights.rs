@@ -13,8 +13,8 @@ use serde_json::{Map, Value};
 use super::Plan;
 use super::files;
 use seedbed_env::{Quantity, TaskSpec};
-use seedbed_learn::agent::Tensor;
 use seedbed_learn::agent::network_info::NetworkInfo;
+use seedbed_learn::nn::Tensor;
 
 /// Version of the names of tensors and of the keys of metadata. It changes if readers must change.
 const FORMAT_VERSION: u32 = 1;

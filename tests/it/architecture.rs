@@ -76,6 +76,7 @@ fn library_crates_do_not_need_heavy_packages() {
         ("seedbed-input", &["seedbed-env", "rayon"]),
         ("seedbed-random", &["seedbed-env", "ron", "rayon"]),
         ("seedbed-figure", &["seedbed-env", "ron", "rayon"]),
+        ("seedbed-scene", &["seedbed-learn", "rayon"]),
     ] {
         let used = packages_in_tree(&["--package", package]);
         assert!(used.len() > 3 && used[0] == package, "{used:?}");
@@ -97,6 +98,17 @@ fn the_workbench_needs_the_recording_sdk_only_with_its_feature() {
             !used.iter().any(|used| used == name),
             "seedbed needs {name}"
         );
+    }
+}
+
+/// Crates use each other by name only: no crate compiles files of another one.
+#[test]
+fn no_crate_compiles_files_of_another() {
+    let sources = ["src", "crates", "python/src", "xtask/src"];
+    let files = sources.map(|folder| files_below(&Path::new(REPOSITORY).join(folder), "rs"));
+    for file in files.concat() {
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(!text.contains("#[path"), "{}", file.display());
     }
 }
 
@@ -323,7 +335,7 @@ fn links_between_pages_lead_to_files() {
 #[test]
 fn packages_have_the_texts_of_the_licenses() {
     let repository = Path::new(REPOSITORY);
-    for package in ["env", "figure", "learn", "stats"] {
+    for package in ["env", "figure", "learn", "scene", "stats"] {
         for name in ["LICENSE-APACHE", "LICENSE-MIT"] {
             let copy = repository.join(format!("crates/seedbed-{package}/{name}"));
             let copied = std::fs::read_to_string(&copy).unwrap();

@@ -8,18 +8,7 @@ use std::path::Path;
 use super::util::REPOSITORY;
 
 /// Folders with the modules that form a circle in them.
-const KNOWN_CIRCLES: [&str; 14] = [
-    "crates/seedbed-env/src/expression: compile, delimiters",
-    "crates/seedbed-env/src/file: actuators, resolve, surfaces",
-    "crates/seedbed-env/src/physics/contact: build, link, passage",
-    "crates/seedbed-env/src/physics: constraint, joint",
-    "crates/seedbed-env/src/physics: contact, turns",
-    "crates/seedbed-env/src: description, tabular",
-    "crates/seedbed-env/src: parameters, physics",
-    "crates/seedbed-figure/src: color, frame, key, svg",
-    "crates/seedbed-figure/src: pair, parallel",
-    "crates/seedbed-learn/src: agent, seed, team",
-    "src/record/rerun: ropes, scene, terrain",
+const KNOWN_CIRCLES: [&str; 3] = [
     "src/run: checkpoint, checksums, folder, measures, overview, replay_file, review, round_recorder, summary, trainer",
     "src/run: remote_steps, rollout",
     "src/scenario: overrides, synonyms",

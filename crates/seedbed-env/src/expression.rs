@@ -7,11 +7,13 @@
 
 mod compile;
 mod delimiters;
+mod error;
 mod operation;
 
 use std::ops::Range;
 
-pub use compile::{ExpressionError, Previous, RESERVED_NAMES, Variable, compile};
+pub use compile::{Previous, RESERVED_NAMES, Variable, compile};
+pub use error::ExpressionError;
 use operation::Operation;
 
 /// What a formula computes.

@@ -14,6 +14,7 @@ mod joint_tree;
 mod joints;
 mod markers;
 mod resolve;
+mod resolver;
 mod sensors;
 mod surfaces;
 mod surroundings;
@@ -480,7 +481,10 @@ pub fn settings(text: &str) -> Settings {
 
 fn parse_merged(name: &str, text: &MergedText) -> Result<TaskDescription, InputError> {
     let parsed = match seedbed_input::file_kind(text.origin(), text.text()) {
-        Ok(FileKind::TabularEnvironment) => tabular::file::parse(name, text.origin(), text.text()),
+        Ok(FileKind::TabularEnvironment) => {
+            let task = tabular::file::parse(name, text.origin(), text.text());
+            task.map(TaskDescription::from)
+        }
         _ => parse_bodies(name, text.origin(), text.text()),
     };
     parsed.map_err(|error| text.locate(error))
@@ -491,7 +495,7 @@ fn parse_bodies(name: &str, origin: &str, text: &str) -> Result<TaskDescription,
     if let Some(base) = &document.value.extends {
         return Err(document.locate(base.error("`extends` is given twice")));
     }
-    let task = resolve::Resolver::new(&document.value).task(name, origin);
+    let task = resolver::Resolver::new(&document.value).task(name, origin);
     task.map(TaskDescription::from)
         .map_err(|error| document.locate(error))
 }

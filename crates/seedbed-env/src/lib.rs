@@ -44,6 +44,7 @@ mod environment;
 pub mod expression;
 pub mod file;
 mod forces;
+mod inertia;
 pub mod kinematics;
 mod parameters;
 pub mod physics;

@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use super::description::{BodyTask, Collider, Inertial, Joint, JointKind};
-use super::kinematics::Frame;
+use super::description::{BodyTask, Collider, Joint, JointKind};
+use super::inertia::{distance, moved_inertia, moving_parts};
 use super::physics::depth;
 
 /// What is inaccurate, where, and what to do.
@@ -57,18 +57,6 @@ fn spring(joint: &Joint, task: &BodyTask) -> Option<String> {
     too_fast(&what, frequency, task).filter(|_| !is_overdamped)
 }
 
-/// Mass (kg) that a slide moves, or moment of inertia (kg m²) about a hinge of what it moves, with the
-/// armature.
-pub(super) fn moved_inertia(joint: &Joint, task: &BodyTask) -> f64 {
-    let (moving, anchor) = moving_parts(joint, task);
-    let arm = distance(moving.com, anchor);
-    let inertia = match joint.kind {
-        JointKind::Hinge { .. } => moving.inertia + moving.mass * arm * arm,
-        JointKind::Slide { .. } | JointKind::Weld => moving.mass,
-    };
-    joint.passive_forces.armature + inertia
-}
-
 fn too_fast(what: &str, frequency: f64, task: &BodyTask) -> Option<String> {
     let (substep, phase) = (task.substep(), frequency * task.substep());
     (phase > MAX_PHASE).then(|| {
@@ -79,47 +67,6 @@ fn too_fast(what: &str, frequency: f64, task: &BodyTask) -> Option<String> {
              expected {times} times as many `solver.iterations`, or a shorter `control_step`"
         )
     })
-}
-
-/// Mass properties in the world of all bodies that a joint moves, at the reference poses, and the
-/// position of the joint.
-fn moving_parts(joint: &Joint, task: &BodyTask) -> (Inertial, [f64; 2]) {
-    let mut bodies = vec![joint.child];
-    // Parents come before their children.
-    for other in &task.joints {
-        if other.parent.is_some_and(|parent| bodies.contains(&parent))
-            && !bodies.contains(&other.child)
-        {
-            bodies.push(other.child);
-        }
-    }
-    let frame = |body: usize| Frame::at(task.bodies[body].position, task.bodies[body].angle);
-    let parts = bodies.iter().map(|&body| {
-        let inertial = task.bodies[body].inertial;
-        Inertial {
-            com: frame(body).point(inertial.com),
-            ..inertial
-        }
-    });
-    let whole = parts.reduce(together).unwrap_or_default();
-    (whole, frame(joint.child).point(joint.anchor))
-}
-
-/// Two bodies as one: the parallel axis theorem.
-fn together(one: Inertial, other: Inertial) -> Inertial {
-    let mass = one.mass + other.mass;
-    let share = other.mass / mass;
-    let com = [0, 1].map(|axis| one.com[axis] + share * (other.com[axis] - one.com[axis]));
-    let part = |part: Inertial| part.inertia + part.mass * distance(part.com, com).powi(2);
-    Inertial {
-        mass,
-        com,
-        inertia: part(one) + part(other),
-    }
-}
-
-fn distance(one: [f64; 2], other: [f64; 2]) -> f64 {
-    (other[0] - one[0]).hypot(other[1] - one[1])
 }
 
 /// Substeps with which the joints of bodies of a ratio of 10 are as accurate as those of equal bodies.

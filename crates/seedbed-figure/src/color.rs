@@ -3,7 +3,7 @@
 //!
 //! Series with the same index have similar hues on both backgrounds.
 
-use super::key::log_position;
+use super::scale::log_position;
 
 pub mod dark;
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! Curves with bands over a common x axis, in one panel or in several with common axes.
 
 use super::color::{Color, MUTED_COLOR};
-use super::frame::{Frame, Plot, TICK_SIZE};
 use super::legend::{self, Entry};
+use super::panel_axes::{PanelAxes, Plot, TICK_SIZE};
 use super::scale::{extent, padded, padded_ratio};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 use super::{Figure, Panel, Row};
@@ -143,7 +143,7 @@ impl Curves {
     }
 
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
-        let frame = Frame {
+        let axes = PanelAxes {
             title: &self.title,
             x_label: &self.x_label,
             y_label: &self.y_label,
@@ -154,14 +154,14 @@ impl Curves {
             has_grid: true,
         };
         let entries = self.legend_entries();
-        let plot = frame.plot(panel);
+        let plot = axes.plot(panel);
         let free_rect = legend::find_free_rect(&entries, &plot.area, &self.occupied_points(&plot));
         let legend_width = if entries.is_empty() || free_rect.is_some() {
             0.0
         } else {
             legend::width_beside(&entries, panel)
         };
-        let plot = frame.draw(&panel.inset([0.0, legend_width, 0.0, 0.0]), svg);
+        let plot = axes.draw(&panel.inset([0.0, legend_width, 0.0, 0.0]), svg);
         self.draw_data(&plot, svg);
         let rect_at_the_right = Rect {
             x: plot.area.right() + 8.0,

@@ -1,7 +1,7 @@
 //! Shapes in a plane, drawn to scale.
 
 use super::color::Color;
-use super::frame::{TITLE_HEIGHT, draw_title};
+use super::panel_axes::{TITLE_HEIGHT, draw_title};
 use super::svg::{Rect, Stroke, SvgWriter};
 
 /// Shapes in a plane whose y axis points down.

@@ -2,7 +2,7 @@
 
 use super::color::{Color, GRID_COLOR, MUTED_COLOR};
 use super::font::{Weight, fit_text, text_width};
-use super::frame::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
+use super::panel_axes::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
 use super::scale::{Scale, extent, format_number, padded};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 

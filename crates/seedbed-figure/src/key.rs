@@ -2,8 +2,8 @@
 
 use super::color::{self, Color, MUTED_COLOR};
 use super::font::{Weight, fit_text, text_width};
-use super::frame::{LABEL_SIZE, TICK_SIZE};
-use super::scale::{Scale, format_significant};
+use super::panel_axes::{LABEL_SIZE, TICK_SIZE};
+use super::scale::{Scale, format_significant, log_position};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 
 /// Color key of a row of panels.
@@ -109,15 +109,6 @@ impl Key {
                 }
             }
         }
-    }
-}
-
-/// Position of a count between 1 and `max_count` on a logarithmic scale, 0 to 1.
-pub(super) fn log_position(count: f64, max_count: u32) -> f64 {
-    if max_count > 1 {
-        (count.max(1.0).ln() / f64::from(max_count).ln()).min(1.0)
-    } else {
-        0.0
     }
 }
 

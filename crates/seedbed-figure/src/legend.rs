@@ -6,7 +6,7 @@
 
 use super::color::Color;
 use super::font::{Weight, fit_text, text_width};
-use super::frame::TICK_SIZE;
+use super::panel_axes::TICK_SIZE;
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 
 /// One name in a legend.

@@ -50,13 +50,13 @@ pub mod color;
 mod curves;
 mod drawing;
 mod font;
-mod frame;
 mod intervals;
 mod key;
 mod legend;
 mod number_grid;
 mod page;
 mod pair;
+mod panel_axes;
 mod parallel;
 mod pixels;
 mod scale;
@@ -88,6 +88,17 @@ pub struct Axis {
     /// Share of the values that are not a number (NaN), 0 to 1. They have no place on the axis, so that
     /// they are not drawn; the share is written at the axis.
     pub nan: f64,
+}
+
+impl Axis {
+    /// Name and unit, such as `angle [rad]`.
+    fn label(&self) -> String {
+        if self.unit.is_empty() {
+            self.name.clone()
+        } else {
+            format!("{} [{}]", self.name, self.unit)
+        }
+    }
 }
 
 /// Rows of panels on a white page. Lengths are CSS pixels, 1/96 inch.

@@ -2,7 +2,7 @@
 
 use super::color::{Color, MUTED_COLOR, TEXT_COLOR, difference_color};
 use super::font::{Weight, fit_text};
-use super::frame::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
+use super::panel_axes::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
 use super::scale::format_significant;
 use super::svg::{Anchor, Rect, SvgWriter, TextStyle};
 

@@ -1,7 +1,7 @@
 //! Arranges panels on a page.
 
 use super::font::{Weight, fit_text};
-use super::frame::TITLE_HEIGHT;
+use super::panel_axes::TITLE_HEIGHT;
 use super::svg::{Anchor, Rect, SvgWriter, TextStyle};
 use super::{
     Curves, Drawing, Figure, HeatMap, Intervals, NumberGrid, Panel, ParallelCoordinates, Pixels,

@@ -1,9 +1,9 @@
 //! Plots of two dimensions against each other: as points, or as counts.
 
 use super::color::{Color, count_color};
-use super::frame::{Frame, Plot};
-use super::parallel::percent;
+use super::panel_axes::{PanelAxes, Plot};
 use super::pixels;
+use super::scale::percent;
 use super::svg::{Rect, SvgWriter};
 use crate::Axis;
 
@@ -49,7 +49,7 @@ pub struct HeatMap {
 
 impl Scatter {
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
-        let plot = draw_frame(&self.title, &self.x, &self.y, panel, svg);
+        let plot = draw_axes(&self.title, &self.x, &self.y, panel, svg);
         let (radius, opacity) = if self.points.len() > 500 {
             (1.3, 0.5)
         } else {
@@ -69,7 +69,7 @@ impl Scatter {
 
 impl HeatMap {
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
-        let plot = draw_frame(&self.title, &self.x, &self.y, panel, svg);
+        let plot = draw_axes(&self.title, &self.x, &self.y, panel, svg);
         let from_the_top = self.counts.chunks(self.columns.max(1)).rev().flatten();
         let colors: Vec<Color> = from_the_top
             .map(|&count| count_color(count, self.max_count))
@@ -84,8 +84,8 @@ impl HeatMap {
     }
 }
 
-fn draw_frame(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter) -> Plot {
-    let frame = Frame {
+fn draw_axes(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter) -> Plot {
+    let axes = PanelAxes {
         title,
         x_label: &axis_label_with_shares(x),
         y_label: &axis_label_with_shares(y),
@@ -95,7 +95,7 @@ fn draw_frame(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter
         y_logarithmic: false,
         has_grid: false,
     };
-    frame.draw(panel, svg)
+    axes.draw(panel, svg)
 }
 
 /// Name and unit of an axis, with the shares of values that are not drawn at their place, such as
@@ -108,17 +108,8 @@ fn axis_label_with_shares(axis: &Axis) -> String {
         .map(|(name, share)| format!("{name} {}", percent(share)))
         .collect();
     if shares.is_empty() {
-        axis_label(axis)
+        axis.label()
     } else {
-        format!("{} ({})", axis_label(axis), shares.join(", "))
-    }
-}
-
-/// Name and unit of an axis, such as `angle [rad]`.
-pub(super) fn axis_label(axis: &Axis) -> String {
-    if axis.unit.is_empty() {
-        axis.name.clone()
-    } else {
-        format!("{} [{}]", axis.name, axis.unit)
+        format!("{} ({})", axis.label(), shares.join(", "))
     }
 }

@@ -2,10 +2,9 @@
 
 use super::color::{AXIS_COLOR, Color, MUTED_COLOR, count_color, difference_color};
 use super::font::{Weight, fit_text, text_width};
-use super::frame::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
-use super::pair::axis_label;
+use super::panel_axes::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
 use super::pixels;
-use super::scale::{Scale, format_number, format_significant};
+use super::scale::{Scale, format_number, percent};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 use crate::Axis;
 
@@ -189,7 +188,7 @@ impl ParallelCoordinates {
         let allowed_width = self.allowed_name_width(panel, false);
         self.axes
             .iter()
-            .any(|axis| text_width(&axis_label(axis), LABEL_SIZE, Weight::Regular) > allowed_width)
+            .any(|axis| text_width(&axis.label(), LABEL_SIZE, Weight::Regular) > allowed_width)
     }
 }
 
@@ -236,11 +235,6 @@ fn draw_nan(axis: &Axis, position: [f64; 2], svg: &mut SvgWriter) {
     }
 }
 
-/// A share in percent, such as `30 %`.
-pub(super) fn percent(share: f64) -> String {
-    format!("{} %", format_significant(100.0 * share, 1))
-}
-
 /// A number from −1 to 1 for each pixel between the first and the last axis, in the colors of
 /// [`Key::Differences`](super::Key::Differences).
 #[derive(Clone, Debug, PartialEq)]
@@ -284,7 +278,7 @@ fn draw_axis(x: f64, area: &Rect, svg: &mut SvgWriter) {
 /// Draws the name of an axis, with its unit if there is space. The name is moved so that it is
 /// within the panel.
 fn draw_name(axis: &Axis, [x, y]: [f64; 2], panel: &Rect, max_width: f64, svg: &mut SvgWriter) {
-    let name_with_unit = axis_label(axis);
+    let name_with_unit = axis.label();
     let name = if text_width(&name_with_unit, LABEL_SIZE, Weight::Regular) > max_width {
         &axis.name
     } else {

@@ -133,6 +133,20 @@ pub(super) fn format_significant(value: f64, digits: i32) -> String {
     }
 }
 
+/// A share in percent, such as `30 %`.
+pub(super) fn percent(share: f64) -> String {
+    format!("{} %", format_significant(100.0 * share, 1))
+}
+
+/// Position of a count between 1 and `max_count` on a logarithmic scale, 0 to 1.
+pub(super) fn log_position(count: f64, max_count: u32) -> f64 {
+    if max_count > 1 {
+        (count.max(1.0).ln() / f64::from(max_count).ln()).min(1.0)
+    } else {
+        0.0
+    }
+}
+
 /// The range of the finite `values`, widened if it has no extent; 0 to 1 if there are none.
 pub(super) fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
     let ends =

@@ -101,6 +101,27 @@ impl Episode {
     }
 }
 
+/// An episode without its steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EpisodeInfo {
+    /// Number of the agent, from 0.
+    pub agent: u32,
+    /// Number of the agent's episode, from 0.
+    pub episode: u32,
+    /// Number of steps T.
+    pub length: u32,
+}
+
+impl From<&Episode> for EpisodeInfo {
+    fn from(episode: &Episode) -> Self {
+        Self {
+            agent: episode.agent,
+            episode: episode.episode,
+            length: episode.length() as u32,
+        }
+    }
+}
+
 /// Results of an update for each of the T steps of one episode, for recordings. Agents do not learn
 /// from them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -14,5 +14,6 @@ pub mod experience;
 pub mod math;
 pub mod nn;
 pub mod rl;
+pub mod scaling;
 pub mod seed;
 pub mod team;

@@ -13,9 +13,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub(crate) use self::state_function::StateFunction;
-use crate::agent::Tensor;
 use crate::experience::Episode;
-use crate::nn::{Initial, Mlp};
+use crate::nn::{Initial, Mlp, Tensor};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::NonNegative;
 use seedbed_random::{Purpose, Stream, stream, transition_stream};

@@ -14,6 +14,8 @@ use pyo3::import_exception;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use seedbed_env::{GivenStart, Physics, TaskDescription};
+use seedbed_scene::camera::Bounds;
+use seedbed_scene::outline::terrain_lines;
 
 use super::actions::ActionReader;
 use super::description::{Task, task_error};
@@ -25,8 +27,6 @@ use super::options::{
 use super::picture;
 use super::start::{NamedNumbers, given_start, named_start};
 use super::threads::Threads;
-use crate::record::framing::Bounds;
-use crate::record::outline::terrain_lines;
 
 import_exception!(gymnasium.error, ResetNeeded);
 

@@ -4,12 +4,9 @@ use rand::RngExt;
 use seedbed_env::{Choice, Environment, Pose, Scene, Status, TaskSpec};
 use seedbed_figure::{Drawing, Figure, Panel, Pixels, PngError, Row};
 use seedbed_random::{Purpose, Stream, stream};
-
-use crate::record::framing::{self, Bounds};
-use crate::record::outline::terrain_lines;
-
-#[path = "../../../src/film/drawing.rs"]
-mod drawing;
+use seedbed_scene::camera::{Bounds, episode_bounds, union};
+use seedbed_scene::drawing;
+use seedbed_scene::outline::terrain_lines;
 
 /// Copies and steps of the random episodes that show where the bodies of a task usually are.
 const SAMPLED_COPIES: usize = 4;
@@ -41,7 +38,7 @@ pub(super) fn usual_bounds(environment: &mut dyn Environment) -> Option<Bounds> 
         environment.step(&random_actions(&spec, &mut random));
         append_poses(environment, &scene, &mut poses);
     }
-    framing::episode_bounds(&scene, &poses, &terrain)
+    episode_bounds(&scene, &poses, &terrain)
 }
 
 fn append_poses(environment: &dyn Environment, scene: &Scene, poses: &mut Vec<Pose>) {
@@ -75,14 +72,14 @@ pub(super) fn draw(
     bounds: Bounds,
     [width, height]: [u32; 2],
 ) -> Result<Pixels, PngError> {
-    let now = framing::episode_bounds(scene, poses, terrain);
+    let now = episode_bounds(scene, poses, terrain);
     let is_finite = |bounds: &Bounds| bounds.iter().all(|number| number.is_finite());
     let drawing = Drawing {
         title: String::new(),
         shapes: drawing::shapes(scene, poses, terrain, 0),
         bounds: now
             .filter(is_finite)
-            .map_or(bounds, |now| framing::union(bounds, now)),
+            .map_or(bounds, |now| union(bounds, now)),
     };
     let figure = Figure {
         title: String::new(),

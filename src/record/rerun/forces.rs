@@ -19,8 +19,8 @@ use rerun::{
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
 use crate::record::BodyTrajectory;
-use crate::record::framing::{Bounds, extent};
 use seedbed_env::{Force, ForceSource};
+use seedbed_scene::camera::{Bounds, extent};
 
 /// Length of the arrow for the 95th percentile of magnitudes, as a share of the view.
 const ARROW_LENGTH: f32 = 0.125;

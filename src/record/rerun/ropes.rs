@@ -7,10 +7,9 @@ use rerun::{EntityPath, LineStrip2D, LineStrips2D};
 
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, rgb, static_chunk};
-use super::scene::FIXED_COLOR;
-use super::shapes::with_y_down;
-use crate::record::outline::rope_line;
+use super::shapes::{FIXED_COLOR, with_y_down};
 use seedbed_env::{Pose, SceneRope};
+use seedbed_scene::outline::rope_line;
 
 /// Ropes are drawn behind all bodies, whose orders begin at 0, and in front of the ground.
 const DRAW_ORDER: f32 = -0.5;
@@ -48,8 +47,8 @@ impl RopeWriter {
         if self.ropes.is_empty() {
             return;
         }
-        for frame in poses.chunks_exact(bodies) {
-            let line = |rope| with_y_down(rope_line(rope, frame).to_vec());
+        for state in poses.chunks_exact(bodies) {
+            let line = |rope| with_y_down(rope_line(rope, state).to_vec());
             let lines = self.ropes.iter().map(line);
             self.lines.extend(lines.map(LineStrip2D::from_iter));
         }

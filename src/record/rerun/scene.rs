@@ -16,16 +16,17 @@ use super::error::RecordingError;
 use super::forces::ForceWriter;
 use super::ropes::RopeWriter;
 use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, static_chunk};
-use super::shapes::{hinge, lines_and_discs, rotation_of, translation_of};
+use super::shapes::{FIXED_COLOR, hinge, lines_and_discs, rotation_of, translation_of};
 use super::terrain::TerrainWriter;
 use crate::record::BodyTrajectory;
-use crate::record::framing::{Bounds, episode_bounds};
-use crate::record::outline::{outline, scene_point};
 use seedbed_env::{Pose, Scene, SceneBody};
 use seedbed_figure::color::dark::agent_color;
+use seedbed_scene::body_color::{BodyColor, body_colors};
+use seedbed_scene::camera::{Bounds, episode_bounds};
+use seedbed_scene::outline::{outline, scene_point};
 
 /// Number of instants of an episode that its trace shows.
-const FRAMES_PER_TRACE: usize = 24;
+const INSTANTS_PER_TRACE: usize = 24;
 
 /// Number of steps of a body in one chunk.
 const STEPS_PER_CHUNK: usize = 2048;
@@ -33,7 +34,6 @@ const STEPS_PER_CHUNK: usize = 2048;
 /// Name of the entity that the view follows if a body is tracked.
 const CAMERA: &str = "camera";
 
-pub(super) const FIXED_COLOR: [u8; 3] = [120, 120, 130];
 const ALTERNATE_COLOR: [u8; 3] = [225, 225, 232];
 
 /// Poses, ropes, ground, traces and forces in the scene of one agent that are not written yet.
@@ -123,8 +123,9 @@ impl SceneWriter {
         let mut chunks = vec![self.trace.style()?];
         chunks.extend(self.forces.styles()?);
         chunks.extend(self.ropes.style().transpose()?);
-        for (index, (body, track)) in self.scene.bodies.iter().zip(&self.tracks).enumerate() {
-            let (lines, points) = lines_and_discs(body, self.color(index), index as f32);
+        let bodies = self.scene.bodies.iter().zip(&self.tracks);
+        for (index, ((body, track), color)) in bodies.zip(self.colors()).enumerate() {
+            let (lines, points) = lines_and_discs(body, color, index as f32);
             chunks.push(static_chunk(track.entity.clone(), &lines)?);
             chunks.push(static_chunk(track.entity.clone(), &points)?);
             if let Some(at) = body.hinge {
@@ -193,16 +194,18 @@ impl SceneWriter {
     }
 
     fn trace_episode(&mut self, trajectory: &BodyTrajectory, first: Moment) {
-        let frames: Vec<&[Pose]> = trajectory
+        let states: Vec<&[Pose]> = trajectory
             .poses
             .chunks_exact(self.scene.bodies.len())
             .collect();
-        let frames_shown = frames.len().min(FRAMES_PER_TRACE);
+        let shown = states.len().min(INSTANTS_PER_TRACE);
+        let colors: Vec<_> = self.colors().collect();
         let lines_before = self.trace.lines.len();
-        for instant in 0..frames_shown {
-            let frame = frames[(frames.len() - 1) * instant / (frames_shown - 1).max(1)];
-            for (index, (body, pose)) in self.scene.bodies.iter().zip(frame).enumerate() {
-                let color = color_at_instant(self.color(index), instant, frames_shown);
+        for instant in 0..shown {
+            let state = states[(states.len() - 1) * instant / (shown - 1).max(1)];
+            let bodies = self.scene.bodies.iter().zip(state);
+            for ((body, pose), color) in bodies.zip(&colors) {
+                let color = color_at_instant(*color, instant, shown);
                 body.shapes
                     .iter()
                     .filter_map(outline)
@@ -215,21 +218,16 @@ impl SceneWriter {
             .push(self.trace.lines.len() - lines_before);
     }
 
-    /// The color of a body. Fixed bodies are gray; moving bodies alternate between two colors.
-    fn color(&self, index: usize) -> [u8; 3] {
-        let is_fixed = |body: &SceneBody| body.is_fixed;
-        let moving_bodies_before = self.scene.bodies[..index]
-            .iter()
-            .filter(|body| !is_fixed(body))
-            .count();
-        match (
-            is_fixed(&self.scene.bodies[index]),
-            moving_bodies_before % 2,
-        ) {
-            (true, _) => FIXED_COLOR,
-            (false, 0) => agent_color(self.agent),
-            (false, _) => ALTERNATE_COLOR,
-        }
+    /// The color of each body. Fixed bodies are gray; moving bodies alternate between two colors.
+    fn colors(&self) -> impl Iterator<Item = [u8; 3]> {
+        let agent = agent_color(self.agent);
+        body_colors(&self.scene)
+            .into_iter()
+            .map(move |color| match color {
+                BodyColor::Fixed => FIXED_COLOR,
+                BodyColor::Agent => agent,
+                BodyColor::Alternate => ALTERNATE_COLOR,
+            })
     }
 }
 
@@ -331,7 +329,7 @@ impl Trace {
 
 /// The color of an instant in a trace: a quarter of the brightness at the first instant, full
 /// brightness at the last.
-fn color_at_instant(color: [u8; 3], instant: usize, frames_shown: usize) -> Color {
-    let share = 0.25 + 0.75 * (instant + 1) as f32 / frames_shown as f32;
+fn color_at_instant(color: [u8; 3], instant: usize, shown: usize) -> Color {
+    let share = 0.25 + 0.75 * (instant + 1) as f32 / shown as f32;
     rgb(color.map(|channel| (f32::from(channel) * share) as u8))
 }

@@ -5,8 +5,11 @@ use rerun::components::{Radius, RotationQuat, Translation3D};
 use rerun::{LineStrips2D, Points2D, Quaternion};
 
 use super::rows::rgb;
-use crate::record::outline::{corners, outline, rotated_and_shifted};
 use seedbed_env::{Pose, SceneBody, Shape};
+use seedbed_scene::outline::{corners, outline, rotated_and_shifted};
+
+/// Color of what does not move.
+pub(super) const FIXED_COLOR: [u8; 3] = [120, 120, 130];
 
 /// A body's shapes in its own frame, as lines and as discs.
 pub(super) fn lines_and_discs(

@@ -6,8 +6,7 @@ use rerun::{ComponentIdentifier, EntityPath, LineStrip2D, LineStrips2D, Timeline
 
 use super::error::RecordingError;
 use super::rows::{EPISODE, Moment, Moments, rgb};
-use super::scene::FIXED_COLOR;
-use super::shapes::{open_line_radius, with_y_down};
+use super::shapes::{FIXED_COLOR, open_line_radius, with_y_down};
 
 /// The ground is drawn behind all bodies, whose orders begin at 0.
 const DRAW_ORDER: f32 = -1.0;

@@ -24,9 +24,10 @@ use crate::record::{BodyTrajectory, SceneSettings};
 use crate::scenario::{Schedule, Stop, Threshold};
 use seedbed_env::file::find_field;
 use seedbed_env::{Environment, Scene, TaskSpec};
-use seedbed_learn::agent::{Tensor, UpdateReport};
+use seedbed_learn::agent::UpdateReport;
 use seedbed_learn::experience::replay::Replay;
 use seedbed_learn::experience::{Episode, SharedBuffer, StepData};
+use seedbed_learn::nn::Tensor;
 use seedbed_learn::team::{AgentUpdate, Learner, LearningRequest, Team, Workers};
 
 /// The environments, team, shared buffer and measures of a run.

@@ -5,10 +5,11 @@ use proc_macro2::Span;
 use syn::{BinOp, Block, Expr, ExprBinary, ExprCall, ExprIf, ExprLit, ExprUnary, Lit, Stmt, UnOp};
 
 use super::delimiters::tokenization_error;
+use super::error::ExpressionError;
 use super::operation::{FUNCTIONS, Operation};
 use super::{Instruction, Operand, Program, Type};
 use seedbed_input::limits::MAX_FORMULA_BYTES;
-use seedbed_input::{nearest_name, quoted_list};
+use seedbed_input::quoted_list;
 
 /// A name that a formula may use.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,19 +31,6 @@ pub enum Previous {
     NotHere,
     /// There is none: it is an action, or a number that is drawn.
     Nowhere,
-}
-
-/// What is wrong with a formula, and where.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ExpressionError {
-    /// What is wrong and what was expected.
-    pub message: String,
-    /// What the user may have meant.
-    pub help: Option<String>,
-    /// Line within the formula, from 0.
-    pub line: usize,
-    /// Character within that line, from 0.
-    pub column: usize,
 }
 
 /// Names that are reserved in formulas.
@@ -370,18 +358,6 @@ impl Type {
             Self::Number => "a number",
             Self::Boolean => "true or false",
         }
-    }
-}
-
-impl ExpressionError {
-    fn with_help(mut self, help: &str) -> Self {
-        self.help = Some(help.to_owned());
-        self
-    }
-
-    fn with_nearest<'a>(mut self, name: &str, valid: impl Iterator<Item = &'a str>) -> Self {
-        self.help = nearest_name(name, valid).map(|near| format!("did you mean `{near}`?"));
-        self
     }
 }
 

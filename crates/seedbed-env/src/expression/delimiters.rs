@@ -1,6 +1,6 @@
 //! Finds why a text cannot be split into tokens, which the parser's error does not include.
 
-use super::compile::ExpressionError;
+use super::error::ExpressionError;
 
 /// Opening brackets with their closing ones.
 const BRACKET_PAIRS: [(char, char); 3] = [('(', ')'), ('{', '}'), ('[', ']')];

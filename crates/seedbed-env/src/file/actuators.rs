@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::resolve::Resolver;
+use super::resolver::Resolver;
 use super::{Actuator, Control, Direction, Vector};
 use crate::Action;
 use crate::description::{self, BodyTask, Drive, Servo, ServoTarget};

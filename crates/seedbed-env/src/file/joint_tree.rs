@@ -1,6 +1,6 @@
 //! Which bodies joints connect: trees of bodies, and several joints of one body.
 
-use super::resolve::Resolver;
+use super::resolver::Resolver;
 use super::{Joint, JointKind, RotationDirection};
 use crate::description;
 use seedbed_input::ValidationError;

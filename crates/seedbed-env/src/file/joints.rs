@@ -1,6 +1,6 @@
 //! Further properties of joints: ranges, passive forces, formula forces, and start coordinates.
 
-use super::resolve::{MAX_MASS, Resolver, find_index, formula};
+use super::resolver::{MAX_MASS, Resolver, find_index, formula};
 use super::{Distribution, Force, ForceFrame, Joint, JointKind, StartCoordinate, Vector};
 use crate::description::{self, Drive, PassiveForces};
 use crate::expression::Type;

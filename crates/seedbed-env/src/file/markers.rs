@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::resolve::{Resolver, formula};
+use super::resolver::{Resolver, formula};
 use super::surfaces::shape;
 use super::{Geom, Name, zero};
 use crate::description;

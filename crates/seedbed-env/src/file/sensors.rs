@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::resolve::{Resolver, formula};
+use super::resolver::{Resolver, formula};
 use super::{Collider, Direction, ForceFrame, Sensor, Vector};
 use crate::description::{self, BodyPoint, Measurement, Subtree};
 use crate::expression::Type;

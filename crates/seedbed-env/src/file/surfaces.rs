@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Deserializer, de};
 
-use super::resolve::Resolver;
+use super::resolver::Resolver;
 use super::{Direction, Name, Terrain, Vector};
 use crate::description::{self, Surface};
 use crate::kinematics::single_angle;

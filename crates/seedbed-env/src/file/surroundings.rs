@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::resolve::Resolver;
+use super::resolver::Resolver;
 use super::{Body, Name, Vector};
 use crate::description;
 use seedbed_input::numbers::{Length, NonNegative, Positive};

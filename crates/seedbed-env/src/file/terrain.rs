@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::resolve::{Resolver, check_unique, formula, resolved};
+use super::resolver::{Resolver, check_unique, formula, resolved};
 use super::surfaces::FARTHEST;
 use super::{DrawnNumber, Name};
 use crate::description;

@@ -4,12 +4,12 @@
 
 use rapier2d::prelude::{
     GenericJoint, GenericJointBuilder, ImpulseJointHandle, ImpulseJointSet, JointAxesMask,
-    JointAxis, JointMotor, MotorModel, PhysicsWorld, RigidBodyHandle, SpringCoefficients,
+    JointMotor, MotorModel, PhysicsWorld, RigidBodyHandle, SpringCoefficients,
 };
 
 use super::joint::RapierJoint;
 use crate::description::{BodyTask, Joint, Servo, ServoTarget, Softness, Solver};
-use crate::parameters::moved_inertia;
+use crate::inertia::moved_inertia;
 
 /// A constraint along the coordinate of a joint.
 pub(super) struct CoordinateConstraint {
@@ -221,8 +221,3 @@ fn friction(joint: &Joint, task: &BodyTask) -> Option<Effect> {
         ..FORCE_BASED_MOTOR
     }))
 }
-
-/// The axis of a Rapier joint that is the coordinate of a slide.
-pub(super) const SLIDE_AXIS: JointAxis = JointAxis::LinX;
-/// The axis of a Rapier joint that is the coordinate of a hinge.
-pub(super) const HINGE_AXIS: JointAxis = JointAxis::AngX;

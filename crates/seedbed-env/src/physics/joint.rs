@@ -8,9 +8,14 @@ use rapier2d::prelude::{
     RigidBodySet, Rotation, Vector,
 };
 
-use super::constraint::{HINGE_AXIS, SLIDE_AXIS};
 use super::vector;
 use crate::kinematics::{Link, Motion, single_angle};
+
+/// The axis of a Rapier joint that is the coordinate of a slide.
+pub(super) const SLIDE_AXIS: JointAxis = JointAxis::LinX;
+
+/// The axis of a Rapier joint that is the coordinate of a hinge.
+pub(super) const HINGE_AXIS: JointAxis = JointAxis::AngX;
 
 /// A joint of a task as Rapier represents it.
 pub(super) struct RapierJoint {

@@ -14,14 +14,11 @@
 //! does so once in an episode, because the two methods differ in their errors of first order, which
 //! would add up.
 
+use super::body::MAX_TURN_PER_SUBSTEP;
 use super::contact::ContactWorlds;
 use super::joint::RapierJoint;
 use crate::description::{BodyTask, Drive, Joint, JointKind, ServoTarget};
 use crate::dynamics::{CoordinateColumns, Dynamics};
-
-/// The angle by which a body may turn in a substep, rad. Rapier's error is the same in every task,
-/// and smaller than that of a first-order method with 16 substeps per radian.
-pub(super) const MAX_TURN_PER_SUBSTEP: f32 = 1.0 / 16.0;
 
 /// The angle by which a hinge may turn in a control step, rad. It is less than half a turn, because
 /// a hinge may turn faster within the step than at its ends.

@@ -4,7 +4,6 @@ use serde::Deserialize;
 
 use super::environment::{StateEncoding, TabularTask};
 use super::{Mdp, Model, TaskFamily};
-use crate::description::TaskDescription;
 use crate::{Action, TaskSpec};
 use seedbed_input::numbers::FiniteNumber;
 use seedbed_input::{InputError, Located, ValidationError};
@@ -40,7 +39,7 @@ pub(crate) struct TabularTaskFile {
 ///
 /// # Errors
 /// Something in the text is wrong.
-pub(crate) fn parse(name: &str, origin: &str, text: &str) -> Result<TaskDescription, InputError> {
+pub(crate) fn parse(name: &str, origin: &str, text: &str) -> Result<TabularTask, InputError> {
     let document = seedbed_input::parse::<TabularTaskFile>(origin, text.to_owned())?;
     let file = &document.value;
     if let Some(base) = &file.extends {
@@ -50,7 +49,7 @@ pub(crate) fn parse(name: &str, origin: &str, text: &str) -> Result<TaskDescript
     let model = file.task.model(mdp_seed);
     let true_mdp = file.task.draw_mdp(&model, mdp_seed);
     let task = TabularTask::new(origin, model, true_mdp, file.observation);
-    Ok(TaskDescription::from(TabularTask {
+    Ok(TabularTask {
         drawn_per_run: file.drawn_per_run.then(|| file.task.clone()),
         spec: TaskSpec {
             name: name.to_owned(),
@@ -59,7 +58,7 @@ pub(crate) fn parse(name: &str, origin: &str, text: &str) -> Result<TaskDescript
             ..task.spec
         },
         ..task
-    }))
+    })
 }
 
 impl TabularTaskFile {

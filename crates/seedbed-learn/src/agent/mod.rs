@@ -1,7 +1,7 @@
 //! Agents, which act in one copy of an environment and learn from the team's shared experience.
 //!
-//! [`Agent`] is the trait. The modules are the parts of agents: policies, networks, the scaling of
-//! observations, models of the dynamics, planning in them, exploration bonuses. Implementations are
+//! [`Agent`] is the trait. The modules are the parts of agents: policies, networks, models of
+//! the dynamics, planning in them, exploration bonuses. Implementations are
 //! in [`algorithms`](crate::algorithms). This module must not depend on files, threads or
 //! recordings.
 
@@ -13,19 +13,15 @@ pub(crate) mod planning;
 pub mod policy;
 #[cfg(test)]
 mod policy_reference;
-pub mod scaling;
-
-use std::borrow::Cow;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::bonus::BonusModel;
 use self::planning::PlanningBuffers;
-use crate::experience::{Episode, Experience, StepData};
-use crate::nn::{Activations, Initial, Mlp};
+use crate::experience::{Episode, EpisodeInfo, Experience, StepData};
+use crate::nn::{Activations, Initial, Tensor};
 use crate::seed::{RewardSeeds, SameInitial};
-use crate::team::EpisodeInfo;
 use seedbed_env::TaskSpec;
 use seedbed_input::Located;
 use seedbed_input::numbers::{Count, ranged_count, ranged_number};
@@ -225,59 +221,4 @@ pub struct UpdateReport {
     /// Mean rank correlation between the bonuses that pairs of agents compute for the same steps;
     /// the same for the whole team. None if fewer than two agents compute bonuses.
     pub bonus_agreement: Option<f32>,
-}
-
-/// A named array of parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Tensor<'a> {
-    /// The name, such as `policy.layer_0.weight`.
-    pub name: String,
-    /// Size of each dimension.
-    pub shape: Vec<usize>,
-    /// The numbers in row-major order.
-    pub values: Cow<'a, [f32]>,
-}
-
-impl<'a> Tensor<'a> {
-    /// A list of numbers.
-    pub(crate) fn list(name: &str, values: impl Into<Cow<'a, [f32]>>) -> Self {
-        let values = values.into();
-        Self {
-            name: name.to_owned(),
-            shape: vec![values.len()],
-            values,
-        }
-    }
-
-    /// The same tensor with numbers of its own.
-    #[must_use]
-    pub fn into_owned(self) -> Tensor<'static> {
-        Tensor {
-            name: self.name,
-            shape: self.shape,
-            values: Cow::Owned(self.values.into_owned()),
-        }
-    }
-
-    /// The same tensor with `prefix` before its name.
-    pub(crate) fn prefixed(self, prefix: &str) -> Self {
-        Self {
-            name: format!("{prefix}{}", self.name),
-            ..self
-        }
-    }
-}
-
-/// The weights and biases of a network, layer by layer, named after its `role`.
-pub(crate) fn network_tensors<'a>(
-    mlp: &'a Mlp,
-    parameters: &'a [f32],
-    role: &'a str,
-) -> impl Iterator<Item = Tensor<'a>> {
-    let tensors = mlp.tensors(parameters);
-    tensors.map(move |(name, shape, values)| Tensor {
-        name: format!("{role}.{name}"),
-        shape,
-        values: Cow::Borrowed(values),
-    })
 }

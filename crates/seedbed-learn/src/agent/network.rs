@@ -3,9 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Tensor, network_tensors};
-
-use crate::nn::{Activations, Adam, AdamSettings, Mlp};
+use crate::nn::{Activations, Adam, AdamSettings, Mlp, Tensor, network_tensors};
 
 /// A network with all that a gradient step needs.
 pub(crate) struct Network {

@@ -6,8 +6,8 @@
 
 use serde::Serialize;
 
-use super::scaling::ObservationScaling;
 use crate::nn::STANDARDIZED_LIMIT;
+use crate::scaling::ObservationScaling;
 use seedbed_env::TaskSpec;
 
 /// How the networks of a team are evaluated.

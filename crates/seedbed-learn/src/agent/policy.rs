@@ -10,11 +10,11 @@ use rand_distr::{Distribution as _, StandardNormal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::ActScratch;
 use super::network::{Descent, Network};
 use super::network_info::{Head, HeadKind};
-use super::{ActScratch, Tensor};
 use crate::math;
-use crate::nn::Mlp;
+use crate::nn::{Mlp, Tensor};
 use crate::rl::{categorical, gaussian};
 use seedbed_env::{Action, Choice, TaskSpec};
 use seedbed_input::numbers::Positive;

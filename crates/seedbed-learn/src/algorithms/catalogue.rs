@@ -148,7 +148,7 @@ impl Schemas {
         }
         let mut choices = Vec::new();
         for variant in resolved["oneOf"].as_array().into_iter().flatten() {
-            let meaning = description(variant);
+            let meaning = self.meaning(variant);
             choices.extend(self.forms(variant).into_iter().map(|form| Choice {
                 form,
                 meaning: meaning.clone(),
@@ -162,6 +162,16 @@ impl Schemas {
             }));
         }
         choices
+    }
+
+    /// The description of a variant, or else of the only value that it has.
+    fn meaning(&self, variant: &Value) -> String {
+        let properties = variant["properties"].as_object().into_iter().flatten();
+        let values = properties.map(|(_, value)| description(self.resolve(value)));
+        let mut descriptions = std::iter::once(description(variant)).chain(values);
+        descriptions
+            .find(|text| !text.is_empty())
+            .unwrap_or_default()
     }
 
     /// How a variant is written: a name, or a name with fields. A schema may combine several

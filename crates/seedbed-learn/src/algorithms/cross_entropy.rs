@@ -14,10 +14,10 @@ use super::AlgorithmConfig;
 use crate::agent::network::Network;
 use crate::agent::network_info::{ModelInfo, NetworkInfo, OutputTerm, ScalingInfo, setting_text};
 use crate::agent::policy::{self, ActionSelection, Policy};
-use crate::agent::scaling::{ObservationScaling, Scaling};
-use crate::agent::{ActScratch, Tensor, UpdateReport, network_tensors};
+use crate::agent::{ActScratch, UpdateReport};
 use crate::experience::Episode;
-use crate::nn::{AdamSettings, Mlp};
+use crate::nn::{AdamSettings, Mlp, Tensor, network_tensors};
+use crate::scaling::{ObservationScaling, Scaling};
 use crate::team::{
     ActionRequest, AgentUpdate, LearningRequest, SavedTeam, Team, TeamContext, Workers,
 };
@@ -71,7 +71,7 @@ impl AlgorithmConfig for CrossEntropy {
         Box::new(CrossEntropyTeam::new(self, context))
     }
 
-    fn select_actions(&mut self, selection: ActionSelection) {
+    fn set_action_selection(&mut self, selection: ActionSelection) {
         self.actions = selection;
     }
 

@@ -27,8 +27,8 @@ use super::seed_pg::config::{
 use crate::agent::bonus::Bonus;
 use crate::agent::network_info::NetworkInfo;
 use crate::agent::policy::ActionSelection;
-use crate::agent::scaling::ObservationScaling;
 use crate::nn::AdamSettings;
+use crate::scaling::ObservationScaling;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, Fraction, NonNegative, Positive, ranged_count, ranged_number};
@@ -135,7 +135,7 @@ impl AlgorithmConfig for LeaderFollowers {
         self.learner(LEADER, 1).check()
     }
 
-    fn select_actions(&mut self, selection: ActionSelection) {
+    fn set_action_selection(&mut self, selection: ActionSelection) {
         self.actions = selection.into();
     }
 

@@ -74,7 +74,7 @@ pub trait AlgorithmConfig {
     }
 
     /// Changes how actions are chosen, for example to evaluate greedy policies.
-    fn select_actions(&mut self, _selection: ActionSelection) {}
+    fn set_action_selection(&mut self, _selection: ActionSelection) {}
 
     /// The exploration bonus; none if the algorithm has no such parameter.
     fn bonus(&self) -> Option<&Bonus> {
@@ -211,7 +211,7 @@ impl Algorithm {
     #[must_use]
     pub fn with_actions(mut self, actions: ActionSelection) -> Self {
         if let Some(config) = self.config_mut() {
-            config.select_actions(actions);
+            config.set_action_selection(actions);
         }
         self
     }

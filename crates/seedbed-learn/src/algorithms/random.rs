@@ -5,9 +5,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{AlgorithmConfig, ScheduleError, ScheduleKind};
-use crate::agent::{ActScratch, Agent, Tensor, Update, UpdateReport};
+use crate::agent::{ActScratch, Agent, Update, UpdateReport};
 use crate::experience::Experience;
 use crate::math::ln;
+use crate::nn::Tensor;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::{Action, Choice, TaskSpec};
 use seedbed_random::Stream;

@@ -21,12 +21,12 @@ use crate::agent::planning::Plan;
 use crate::agent::planning::imagination::{Imagination, ModelUnits};
 use crate::agent::planning::search::{Search, SearchSettings};
 use crate::agent::policy::ActionSelection;
-use crate::agent::{ActScratch, TeamConfig, Tensor, UpdateReport, network_tensors};
-use crate::experience::Episode;
-use crate::nn::{AdamSettings, BayesianSettings};
+use crate::agent::{ActScratch, TeamConfig, UpdateReport};
+use crate::experience::{Episode, EpisodeInfo};
+use crate::nn::{AdamSettings, BayesianSettings, Tensor, network_tensors};
 use crate::seed::SameInitial;
 use crate::team::{
-    ActionRequest, AgentUpdate, EpisodeInfo, LearningRequest, SavedTeam, Team, TeamContext, Workers,
+    ActionRequest, AgentUpdate, LearningRequest, SavedTeam, Team, TeamContext, Workers,
 };
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{
@@ -158,7 +158,7 @@ impl AlgorithmConfig for SeedPsrl {
     }
 
     /// A greedy agent plans with the mean weights.
-    fn select_actions(&mut self, selection: ActionSelection) {
+    fn set_action_selection(&mut self, selection: ActionSelection) {
         if selection == ActionSelection::Greedy {
             self.draw = ModelDraw::Mean;
         }

@@ -6,7 +6,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::Episode;
-use seedbed_env::Status;
+use seedbed_env::{Status, TaskSpec};
 use seedbed_random::Stream;
 
 /// Which step of which episode a transition is. The order is that of agents, episodes and steps.
@@ -20,35 +20,53 @@ pub struct Origin {
     pub step: u32,
 }
 
-/// The newest transitions, each with one discrete action. When the buffer is full, a new transition
+/// The newest transitions. When the buffer is full, a new transition
 /// replaces the oldest. Transitions are numbered from 0 in the order in which they were added; they
 /// never change, so that checkpoints need to store each of them only once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replay {
     /// Maximal number of transitions.
     capacity: usize,
-    /// Width of an observation.
-    width: usize,
+    widths: RowWidths,
     /// Number of transitions added so far. Transition n is at index n mod `capacity`.
     added: u64,
     /// Observations before and after each action: `[N × 2 × width]`.
     observations: Vec<f32>,
-    actions: Vec<u16>,
+    /// `[N × action width]`
+    actions: Vec<f32>,
     rewards: Vec<f32>,
     statuses: Vec<Status>,
     origins: Vec<Origin>,
 }
 
+/// Numbers per observation and per action.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RowWidths {
+    /// Width of an observation.
+    pub observation: usize,
+    /// Width of an action.
+    pub action: usize,
+}
+
+impl From<&TaskSpec> for RowWidths {
+    fn from(spec: &TaskSpec) -> Self {
+        Self {
+            observation: spec.observation_width(),
+            action: spec.action_width(),
+        }
+    }
+}
+
 /// One transition of a [`Replay`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transition<'a> {
-    /// Observation before the action: `[width]`.
+    /// Observation before the action: `[observation width]`.
     pub state: &'a [f32],
-    /// Index of the chosen value of the action.
-    pub action: usize,
+    /// The action; a discrete action is the index of its value: `[action width]`.
+    pub action: &'a [f32],
     /// Reward of the environment, without seeds and bonuses.
     pub reward: f32,
-    /// Observation after the action: `[width]`.
+    /// Observation after the action: `[observation width]`.
     pub next_state: &'a [f32],
     /// Whether the episode continued, and if not, how it ended.
     pub status: Status,
@@ -57,20 +75,20 @@ pub struct Transition<'a> {
 }
 
 impl Replay {
-    /// An empty buffer for `capacity` transitions with observations of `width` numbers. Memory is
-    /// allocated as the buffer fills.
+    /// An empty buffer for `capacity` transitions with rows of these widths. Memory is allocated as the
+    /// buffer fills.
     ///
     /// # Panics
-    /// If `capacity` or `width` is 0.
+    /// If `capacity` or a width is 0.
     #[must_use]
-    pub fn new(capacity: usize, width: usize) -> Self {
+    pub fn new(capacity: usize, widths: RowWidths) -> Self {
         assert!(
-            capacity > 0 && width > 0,
-            "capacity and width must be positive"
+            capacity > 0 && widths.observation > 0 && widths.action > 0,
+            "capacity and widths must be positive"
         );
         Self {
             capacity,
-            width,
+            widths,
             added: 0,
             observations: Vec::new(),
             actions: Vec::new(),
@@ -82,10 +100,8 @@ impl Replay {
 
     /// Approximate number of bytes of a buffer with `transitions` transitions. A vector that grows has
     /// room for twice as many.
-    pub(crate) fn memory(transitions: u64, width: usize) -> u64 {
-        const ACTION_REWARD_STATUS_ORIGIN: u64 = 2 + 4 + 1 + 12;
-        let bytes = 2 * size_of::<f32>() as u64 * width as u64 + ACTION_REWARD_STATUS_ORIGIN;
-        transitions.saturating_mul(2 * bytes)
+    pub(crate) fn memory(transitions: u64, widths: RowWidths) -> u64 {
+        transitions.saturating_mul(2 * widths.bytes() as u64)
     }
 
     /// Maximal number of transitions.
@@ -109,9 +125,12 @@ impl Replay {
     /// Adds the transition of step number `step` of an episode, which may still be playing.
     ///
     /// # Panics
-    /// If the episode has no such step, or observations of another width.
+    /// If the episode has no such step, or observations or actions of another width.
     pub fn push(&mut self, episode: &Episode, step: usize) {
-        let width = self.width;
+        let RowWidths {
+            observation: width,
+            action,
+        } = self.widths;
         let is_last = step + 1 == episode.length();
         let status = if is_last {
             episode.outcome
@@ -121,7 +140,7 @@ impl Replay {
         let observations = &episode.observations[step * width..(step + 2) * width];
         self.add(&Transition {
             state: &observations[..width],
-            action: episode.actions[step] as usize,
+            action: &episode.actions[step * action..(step + 1) * action],
             reward: episode.rewards[step],
             next_state: &observations[width..],
             status,
@@ -136,16 +155,20 @@ impl Replay {
         if index == self.len() {
             self.observations.extend_from_slice(transition.state);
             self.observations.extend_from_slice(transition.next_state);
-            self.actions.push(transition.action as u16);
+            self.actions.extend_from_slice(transition.action);
             self.rewards.push(transition.reward);
             self.statuses.push(transition.status);
             self.origins.push(transition.origin);
             return;
         }
-        let pair = &mut self.observations[index * 2 * self.width..(index + 1) * 2 * self.width];
-        pair[..self.width].copy_from_slice(transition.state);
-        pair[self.width..].copy_from_slice(transition.next_state);
-        self.actions[index] = transition.action as u16;
+        let RowWidths {
+            observation,
+            action,
+        } = self.widths;
+        let pair = &mut self.observations[index * 2 * observation..(index + 1) * 2 * observation];
+        pair[..observation].copy_from_slice(transition.state);
+        pair[observation..].copy_from_slice(transition.next_state);
+        self.actions[index * action..(index + 1) * action].copy_from_slice(transition.action);
         self.rewards[index] = transition.reward;
         self.statuses[index] = transition.status;
         self.origins[index] = transition.origin;
@@ -166,11 +189,15 @@ impl Replay {
     /// If the index is out of range.
     #[must_use]
     pub fn get(&self, index: usize) -> Transition<'_> {
-        let pair = &self.observations[index * 2 * self.width..(index + 1) * 2 * self.width];
-        let (state, next_state) = pair.split_at(self.width);
+        let RowWidths {
+            observation,
+            action,
+        } = self.widths;
+        let pair = &self.observations[index * 2 * observation..(index + 1) * 2 * observation];
+        let (state, next_state) = pair.split_at(observation);
         Transition {
             state,
-            action: self.actions[index].into(),
+            action: &self.actions[index * action..(index + 1) * action],
             reward: self.rewards[index],
             next_state,
             status: self.statuses[index],
@@ -187,8 +214,7 @@ impl Replay {
     /// Number of bytes of each transition that [`encode`](Self::encode) writes.
     #[must_use]
     pub fn encoded_length(&self) -> usize {
-        // Observations, action, reward, status, origin.
-        2 * 4 * self.width + 2 + 4 + 1 + 3 * 4
+        self.widths.bytes()
     }
 
     /// Appends the transitions with these numbers to `bytes`, all numbers in little-endian order.
@@ -200,10 +226,10 @@ impl Replay {
         assert!(present.start <= numbers.start && numbers.end <= present.end);
         for number in numbers {
             let transition = self.get((number % self.capacity as u64) as usize);
-            for observation in transition.state.iter().chain(transition.next_state) {
-                bytes.extend(observation.to_le_bytes());
+            let observations = transition.state.iter().chain(transition.next_state);
+            for number in observations.chain(transition.action) {
+                bytes.extend(number.to_le_bytes());
             }
-            bytes.extend((transition.action as u16).to_le_bytes());
             bytes.extend(transition.reward.to_le_bytes());
             bytes.push(encode_status(transition.status));
             let Origin {
@@ -232,13 +258,13 @@ impl Replay {
         if !is_complete {
             return Err("the replay buffer has another size".to_owned());
         }
-        let mut restored = Self::new(self.capacity, self.width);
-        let mut observations = vec![0.0; 2 * self.width];
+        let mut restored = Self::new(self.capacity, self.widths);
+        let mut rows = vec![0.0; 2 * self.widths.observation + self.widths.action];
         // The first transition may be in the middle of the ring.
         restored.resize(count as usize);
         restored.added = first;
         for transition in transitions {
-            restored.add(&decode(transition, &mut observations)?);
+            restored.add(&decode(transition, self.widths, &mut rows)?);
         }
         *self = restored;
         Ok(())
@@ -246,8 +272,12 @@ impl Replay {
 
     /// Makes room for `count` transitions, which are added later.
     fn resize(&mut self, count: usize) {
-        self.observations.resize(count * 2 * self.width, 0.0);
-        self.actions.resize(count, 0);
+        let RowWidths {
+            observation,
+            action,
+        } = self.widths;
+        self.observations.resize(count * 2 * observation, 0.0);
+        self.actions.resize(count * action, 0.0);
         self.rewards.resize(count, 0.0);
         self.statuses.resize(count, Status::Running);
         let origin = Origin {
@@ -259,17 +289,30 @@ impl Replay {
     }
 }
 
-/// Reads an encoded transition; `observations: [2 × width]` is a buffer for its observations.
-fn decode<'a>(bytes: &[u8], observations: &'a mut [f32]) -> Result<Transition<'a>, String> {
-    let mut rest = bytes;
-    for observation in &mut *observations {
-        *observation = f32::from_le_bytes(take(&mut rest));
+impl RowWidths {
+    /// Number of bytes of a transition: observations before and after, action, reward, status, origin.
+    fn bytes(self) -> usize {
+        4 * (2 * self.observation + self.action) + 4 + 1 + 3 * 4
     }
-    let action = u16::from_le_bytes(take(&mut rest)).into();
+}
+
+/// Reads an encoded transition.
+///
+/// `rows: [2 × observation width + action width]` is a buffer for its observations and its action.
+fn decode<'a>(
+    bytes: &[u8],
+    widths: RowWidths,
+    rows: &'a mut [f32],
+) -> Result<Transition<'a>, String> {
+    let mut rest = bytes;
+    for number in &mut *rows {
+        *number = f32::from_le_bytes(take(&mut rest));
+    }
     let reward = f32::from_le_bytes(take(&mut rest));
     let status = decode_status(take(&mut rest))?;
     let [agent, episode, step] = [(); 3].map(|()| u32::from_le_bytes(take(&mut rest)));
-    let (state, next_state) = observations.split_at(observations.len() / 2);
+    let (state, rest) = rows.split_at(widths.observation);
+    let (next_state, action) = rest.split_at(widths.observation);
     Ok(Transition {
         state,
         action,
@@ -332,9 +375,14 @@ mod tests {
         }
     }
 
+    const ONE_NUMBER: RowWidths = RowWidths {
+        observation: 1,
+        action: 1,
+    };
+
     /// A buffer of capacity 4 after one episode of `steps` steps.
     fn replay_after(steps: u8) -> Replay {
-        let mut replay = Replay::new(4, 1);
+        let mut replay = Replay::new(4, ONE_NUMBER);
         let episode = episode(steps, Status::Terminated);
         (0..episode.length()).for_each(|step| replay.push(&episode, step));
         replay
@@ -350,7 +398,7 @@ mod tests {
         };
         let expected = Transition {
             state: &[2.0],
-            action: 0,
+            action: &[0.0],
             reward: 20.0,
             next_state: &[3.0],
             status: Status::Terminated,
@@ -414,7 +462,7 @@ mod tests {
         replay_after(3).encode(2..3, &mut bytes);
         let expected = [
             &[0, 0, 0, 0x40, 0, 0, 0x40, 0x40][..],
-            &[0, 0],
+            &[0, 0, 0, 0],
             &[0, 0, 0xa0, 0x41],
             &[2],
             &[3, 0, 0, 0, 5, 0, 0, 0, 2, 0, 0, 0],
@@ -422,16 +470,41 @@ mod tests {
         assert_eq!(bytes, expected.concat());
     }
 
+    /// Step 1 of an episode with actions of two numbers, and the same transition in a restored buffer.
+    #[test]
+    fn actions_may_have_several_numbers() {
+        let widths = RowWidths {
+            observation: 1,
+            action: 2,
+        };
+        let episode = Episode {
+            actions: vec![0.1, 0.2, 0.3, -0.4],
+            ..episode(2, Status::Truncated)
+        };
+        let (mut replay, mut bytes) = (Replay::new(4, widths), Vec::new());
+        (0..2).for_each(|step| replay.push(&episode, step));
+        assert_eq!(replay.get(1).action, [0.3, -0.4]);
+        replay.encode(0..2, &mut bytes);
+        let mut restored = Replay::new(4, widths);
+        restored.restore(0, &bytes).unwrap();
+        assert_eq!(restored, replay);
+    }
+
     #[test]
     fn transitions_of_another_buffer_are_refused() {
         let mut bytes = Vec::new();
         replay_after(6).encode(2..6, &mut bytes);
-        let mut other_capacity = Replay::new(5, 1);
+        let mut other_capacity = Replay::new(5, ONE_NUMBER);
         assert!(other_capacity.restore(2, &bytes).is_err());
-        assert!(Replay::new(4, 2).restore(2, &bytes).is_err());
-        assert!(Replay::new(4, 1).restore(2, &bytes[1..]).is_err());
-        let status = 2 * 4 + 2 + 4;
+        let wider = RowWidths {
+            observation: 2,
+            ..ONE_NUMBER
+        };
+        assert!(Replay::new(4, wider).restore(2, &bytes).is_err());
+        let mut replay = Replay::new(4, ONE_NUMBER);
+        assert!(replay.restore(2, &bytes[1..]).is_err());
+        let status = 2 * 4 + 4 + 4;
         bytes[status] = 9;
-        assert!(Replay::new(4, 1).restore(2, &bytes).is_err());
+        assert!(replay.restore(2, &bytes).is_err());
     }
 }

@@ -11,6 +11,7 @@ pub mod median_scale;
 pub mod mlp;
 pub mod pop_art;
 pub mod standardizer;
+mod tensor;
 
 pub use adam::{Adam, AdamSettings};
 pub use bayesian::{
@@ -20,3 +21,5 @@ pub use median_scale::MedianScale;
 pub use mlp::{Activations, Initial, Mlp};
 pub use pop_art::PopArt;
 pub use standardizer::{STANDARDIZED_LIMIT, Standardizer};
+pub use tensor::Tensor;
+pub(crate) use tensor::network_tensors;

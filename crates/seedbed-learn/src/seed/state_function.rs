@@ -2,9 +2,8 @@
 
 use rand::{Rng, RngExt};
 
-use crate::agent::scaling::{ObservationScaling, Scaling};
-use crate::agent::{Tensor, network_tensors};
-use crate::nn::{Activations, Initial, Mlp};
+use crate::nn::{Activations, Initial, Mlp, Tensor, network_tensors};
+use crate::scaling::{ObservationScaling, Scaling};
 use seedbed_env::TaskSpec;
 
 /// A fixed random network of the observations, standardized such that its outputs have mean 0 and

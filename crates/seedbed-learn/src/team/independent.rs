@@ -1,13 +1,13 @@
 //! Teams of agents that each have their own networks.
 
 use super::{
-    ActionRequest, AgentUpdate, EpisodeInfo, Learner, LearningRequest, SavedTeam, Team,
-    TeamContext, Workers,
+    ActionRequest, AgentUpdate, Learner, LearningRequest, SavedTeam, Team, TeamContext, Workers,
 };
 use crate::agent::bonus::{BonusModel, SHARED_OWNER};
-use crate::agent::{ActScratch, Agent, AgentContext, Tensor};
+use crate::agent::{ActScratch, Agent, AgentContext};
 use crate::cancellation::cancellation_point;
-use crate::experience::{Episode, Experience};
+use crate::experience::{Episode, EpisodeInfo, Experience};
+use crate::nn::Tensor;
 
 /// A team of independent [`Agent`]s, which all learn from the team's shared episodes.
 pub struct IndependentLearners {

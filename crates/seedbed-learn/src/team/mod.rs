@@ -12,9 +12,10 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::agent::{ActScratch, AgentContext, TeamConfig, Tensor, Update};
-use crate::experience::Episode;
+use crate::agent::{ActScratch, AgentContext, TeamConfig, Update};
 use crate::experience::replay::Replay;
+use crate::experience::{Episode, EpisodeInfo};
+use crate::nn::Tensor;
 use seedbed_env::TaskSpec;
 use seedbed_random::Stream;
 
@@ -137,27 +138,6 @@ pub struct SavedTeam {
     pub parts: Vec<Vec<u8>>,
     /// The same in every process.
     pub shared: Vec<u8>,
-}
-
-/// An episode without its steps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct EpisodeInfo {
-    /// Number of the agent, from 0.
-    pub agent: u32,
-    /// Number of the agent's episode, from 0.
-    pub episode: u32,
-    /// Number of steps T.
-    pub length: u32,
-}
-
-impl From<&Episode> for EpisodeInfo {
-    fn from(episode: &Episode) -> Self {
-        Self {
-            agent: episode.agent,
-            episode: episode.episode,
-            length: episode.length() as u32,
-        }
-    }
 }
 
 /// The observations of one step of a group of consecutive agents, and buffers for the actions. There

@@ -24,9 +24,9 @@ use super::layouts::Layouts;
 use super::rows::{EPISODE, rgb, single_row_chunk};
 use crate::record::Difference;
 use crate::record::Focus;
-use crate::record::framing::Bounds;
 use crate::record::metrics::{Metric, Range, round_metrics_in_display_order};
 use crate::record::visitation::LineQuota;
+use seedbed_scene::camera::Bounds;
 
 /// Maximum number of agents in a legend. A larger legend would cover the curves.
 const MAX_AGENTS_IN_LEGEND: u32 = 8;

@@ -12,9 +12,10 @@ use super::super::constraint::spring_coefficients;
 use super::super::geometry::{PlacedShape, TOLERANCE};
 use super::super::vector;
 use super::bounce::LINKED;
+use super::control::ControlInput;
 use super::fluid::FluidBody;
 use super::joint_group::JointGroup;
-use super::link::{ControlInput, Link, Root};
+use super::link::{Link, Root};
 use super::passage::PassageWatch;
 use super::rope::Rope;
 use crate::description::{self, Body, BodyTask, Joint};
@@ -78,9 +79,9 @@ impl WorldTemplate {
                 .iter()
                 .map(|&body| root(body, task))
                 .collect(),
-            control_inputs: ControlInput::from_task(task),
+            control_inputs: ControlInput::from_task(task, &handles),
             fluid_bodies: FluidBody::all(task),
-            passage_watch: passage_watch(task, &handles),
+            passage_watch: passage_watch(task, &handles, &collider_handles),
             multibodies,
             multibody_joints: joints,
             impulse_joints,
@@ -171,11 +172,15 @@ fn colliders(
     (colliders, inserted)
 }
 
-fn passage_watch(task: &BodyTask, handles: &[RigidBodyHandle]) -> PassageWatch {
+fn passage_watch(
+    task: &BodyTask,
+    handles: &[RigidBodyHandle],
+    colliders: &[ColliderHandle],
+) -> PassageWatch {
     let poses = task.colliders.iter().map(|surface| {
         Pose::from_translation(-center_of_mass(surface, task)) * PlacedShape::new(surface).pose
     });
-    PassageWatch::new(task, handles, poses)
+    PassageWatch::new(task, handles, colliders, poses)
 }
 
 /// Center of mass of a collider's body in the body's frame; that of the world is its origin.

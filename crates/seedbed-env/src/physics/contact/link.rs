@@ -1,5 +1,4 @@
-//! Joints of tasks with contacts, as links of Rapier's multibodies; free bodies; and how controls
-//! act on both.
+//! Joints of tasks with contacts, as links of Rapier's multibodies; and free bodies.
 
 use std::f64::consts::TAU;
 
@@ -8,11 +7,11 @@ use rapier2d::prelude::{
     RigidBodyHandle, RigidBodySet, Vector,
 };
 
-use super::super::constraint::{HINGE_AXIS, set_motor_target};
+use super::super::constraint::set_motor_target;
+use super::super::joint::HINGE_AXIS;
 use super::super::vector;
-use super::build::WorldTemplate;
 use super::joint_group::{JointGroup, RapierCoordinate};
-use crate::description::{BodyTask, Drive, Joint, PassiveForces, ServoTarget, Softness};
+use crate::description::{BodyTask, Joint, PassiveForces, ServoTarget, Softness};
 use crate::kinematics::{Frame, Motion};
 
 /// A joint of the task: a coordinate of a multibody joint.
@@ -112,12 +111,6 @@ pub(super) struct FrameState {
     pub(super) coordinate: Option<f32>,
 }
 
-/// An actuator or a formula force.
-pub(super) struct ControlInput {
-    drive: Drive,
-    gear: f32,
-}
-
 impl Link {
     /// The joint `group.joints[place]`, which is part of the joint of Rapier with this handle.
     pub(super) fn new(
@@ -167,7 +160,12 @@ impl Link {
     }
 
     /// Sets the target of the joint's servo.
-    fn set_target(&self, target: ServoTarget, value: f32, joints: &mut MultibodyJointSet) {
+    pub(super) fn set_target(
+        &self,
+        target: ServoTarget,
+        value: f32,
+        joints: &mut MultibodyJointSet,
+    ) {
         let Some(RapierCoordinate { axis, sign, .. }) = self.coordinate else {
             return;
         };
@@ -257,7 +255,7 @@ impl Link {
     }
 
     /// Adds a force (N) or torque (N m) along the coordinate, and its reaction on the parent.
-    fn push(&self, force: f32, bodies: &mut RigidBodySet) {
+    pub(super) fn push(&self, force: f32, bodies: &mut RigidBodySet) {
         match self.motion {
             Motion::Weld => {}
             Motion::Hinge(sign) => {
@@ -359,66 +357,4 @@ fn multibody_of(
 ) -> Option<&mut rapier2d::prelude::Multibody> {
     let index = joints.rigid_body_link(handle)?.multibody;
     joints.get_multibody_mut(index)
-}
-
-impl ControlInput {
-    /// One per actuator, then one per formula force.
-    pub(super) fn from_task(task: &BodyTask) -> Vec<Self> {
-        let actuators = task.actuators.iter().map(|actuator| Self {
-            drive: actuator.drive,
-            gear: actuator.gear as f32,
-        });
-        actuators
-            .chain(task.formula_forces.iter().map(|force| Self {
-                drive: force.drive,
-                gear: 1.0,
-            }))
-            .collect()
-    }
-
-    /// Sets the servo target, or adds the force, that belongs to the value of the control.
-    pub(super) fn apply(
-        &self,
-        control: f32,
-        template: &WorldTemplate,
-        bodies: &mut RigidBodySet,
-        joints: &mut MultibodyJointSet,
-    ) {
-        let value = self.gear * control;
-        match self.drive {
-            Drive::Nothing => {}
-            Drive::JointForce(joint) => template.links[joint].push(value, bodies),
-            Drive::Servo(servo) => {
-                template.links[servo.joint].set_target(servo.target, value, joints);
-            }
-            Drive::BodyTorque { body } => bodies[template.handles[body]].add_torque(value, false),
-            Drive::BodyForce {
-                body,
-                at,
-                direction,
-                is_local,
-            } => {
-                let com = template.coms[body];
-                let arm = at.map_or(Vector::ZERO, |at| vector(at) - vector(com));
-                push_body(
-                    &mut bodies[template.handles[body]],
-                    arm,
-                    vector(direction) * value,
-                    is_local,
-                );
-            }
-        }
-    }
-}
-
-/// Adds a force (N) in the world's frame, or in the body's if `is_local`. `arm`: from the body's
-/// origin, in its frame.
-fn push_body(body: &mut RigidBody, arm: Vector, force: Vector, is_local: bool) {
-    let force = if is_local {
-        *body.rotation() * force
-    } else {
-        force
-    };
-    let point = *body.position() * arm;
-    body.add_force_at_point(force, point, false);
 }

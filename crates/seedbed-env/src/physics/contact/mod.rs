@@ -7,6 +7,7 @@
 
 mod bounce;
 mod build;
+mod control;
 mod fluid;
 mod joint_group;
 mod link;

@@ -5,9 +5,10 @@
 //! points inside each collider are compared with all surfaces that it could touch.
 
 use parry2d::query::{Ray, RayCast};
-use rapier2d::prelude::{Collider, ColliderSet, Pose, RigidBodyHandle, RigidBodySet, Vector};
+use rapier2d::prelude::{
+    Collider, ColliderHandle, ColliderSet, Pose, RigidBodyHandle, RigidBodySet, Vector,
+};
 
-use super::build::WorldTemplate;
 use crate::Shape;
 use crate::description::{self, BodyTask, Surface};
 use crate::dynamics::Passage;
@@ -32,6 +33,7 @@ pub(super) struct PassageWatch {
 }
 
 struct WatchedSurface {
+    collider: ColliderHandle,
     /// Its body's handle, and its pose in the body's frame; `None` of the body if it is fixed.
     body: Option<RigidBodyHandle>,
     pose: Pose,
@@ -52,17 +54,19 @@ struct Pair {
 }
 
 impl PassageWatch {
-    /// `poses`: of the shapes in their bodies' frames, whose origins are the centers of mass.
+    /// `colliders`, `poses`: of the shapes in their bodies' frames, whose origins are the centers of mass.
     pub(super) fn new(
         task: &BodyTask,
         handles: &[RigidBodyHandle],
+        colliders: &[ColliderHandle],
         poses: impl Iterator<Item = Pose>,
     ) -> Self {
-        let colliders = task.colliders.iter().zip(poses);
-        let surfaces = colliders.map(|(collider, pose)| {
-            let (core, depth) = core_of(&collider.surface);
+        let colliders = task.colliders.iter().zip(colliders).zip(poses);
+        let surfaces = colliders.map(|((described, &collider), pose)| {
+            let (core, depth) = core_of(&described.surface);
             WatchedSurface {
-                body: collider.body.map(|body| handles[body]),
+                collider,
+                body: described.body.map(|body| handles[body]),
                 pose,
                 reach: core.iter().map(|point| point.length()).fold(0.0, f32::max),
                 core,
@@ -97,7 +101,6 @@ impl PassageWatch {
     /// The first surface that may have been passed since [`begin`](Self::begin).
     pub(super) fn find(
         &self,
-        template: &WorldTemplate,
         bodies: &RigidBodySet,
         colliders: &ColliderSet,
         buffer: &mut [(Pose, f32)],
@@ -113,7 +116,7 @@ impl PassageWatch {
             moved > self.surfaces[pair.mover].depth
         });
         let mut entered = suspects.filter_map(|pair| {
-            let obstacle = &colliders[template.collider_handles[pair.obstacle]];
+            let obstacle = &colliders[self.surfaces[pair.obstacle].collider];
             let before = self.before_entering(*pair, obstacle, bodies, buffer)?;
             Some(Suspect {
                 pair: *pair,
@@ -131,15 +134,14 @@ impl PassageWatch {
     pub(super) fn confirm(
         &self,
         suspect: &mut Option<Suspect>,
-        template: &WorldTemplate,
         bodies: &RigidBodySet,
         colliders: &ColliderSet,
     ) -> Option<Passage> {
         let found = suspect.as_mut()?;
         found.steps += 1;
         let Pair { mover, obstacle } = found.pair;
-        let collider = &colliders[template.collider_handles[obstacle]];
         let [moving, other] = [mover, obstacle].map(|index| &self.surfaces[index]);
+        let collider = &colliders[other.collider];
         let relative = other.pose_in(bodies).inverse() * moving.pose_in(bodies);
         let is_line = collider.shape().as_polyline().is_some();
         let is_half_space = collider.shape().as_halfspace().is_some();

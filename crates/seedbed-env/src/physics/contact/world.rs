@@ -8,8 +8,8 @@ use rapier2d::prelude::{
 };
 use serde::{Deserialize, Serialize};
 
+use super::super::body::MAX_TURN_PER_SUBSTEP;
 use super::super::geometry::terrain_line;
-use super::super::turns::MAX_TURN_PER_SUBSTEP;
 use super::super::vector;
 use super::bounce::FlatImpacts;
 use super::build::WorldTemplate;
@@ -248,14 +248,14 @@ impl World {
             } = &self.simulation;
             let before = &mut self.surfaces_before;
             if self.suspect.is_none() {
-                self.suspect = watch.find(template, bodies, colliders, before);
+                self.suspect = watch.find(bodies, colliders, before);
             }
         }
         let PhysicsWorld {
             bodies, colliders, ..
         } = &self.simulation;
         self.passage = if earlier {
-            watch.confirm(&mut self.suspect, template, bodies, colliders)
+            watch.confirm(&mut self.suspect, bodies, colliders)
         } else {
             None
         };
@@ -305,7 +305,7 @@ impl World {
             let control = controls[index * copies + copy];
             input.apply(
                 control,
-                template,
+                &template.links,
                 &mut self.simulation.bodies,
                 &mut self.simulation.multibody_joints,
             );

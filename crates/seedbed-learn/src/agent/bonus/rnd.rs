@@ -4,19 +4,22 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{BonusScale, ModelSharing};
+use super::{BonusConfig, BonusScale, GainModel, ModelSharing, Steps, TrainingData, same_kind};
+use crate::agent::AgentContext;
 use crate::agent::dynamics::transitions::{Moments, Rows, Targets, TransitionEncoder};
 use crate::agent::network::{Descent, LearnedState, Network};
-use crate::agent::{AgentContext, Tensor, network_tensors};
 use crate::cancellation::cancellation_point;
 use crate::experience::Episode;
-use crate::nn::{Activations, AdamSettings, Initial, Mlp};
+use crate::nn::{Activations, AdamSettings, Initial, Mlp, Tensor, network_tensors};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, ranged_count};
 use seedbed_random::{Purpose, Stream, stream};
 
-/// The configuration of random network distillation. The inputs of both networks are a state and
-/// the action in this state; in Burda et al. they are the next state.
+/// Error in predicting the outputs of a fixed random network: random network distillation
+/// (Burda et al. 2019).
+///
+/// The inputs of both networks are a state and the action in this state; in Burda et al. they are the
+/// next state.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Rnd {
@@ -50,6 +53,40 @@ impl Default for Rnd {
     }
 }
 
+impl BonusConfig for Rnd {
+    fn sharing(&self) -> ModelSharing {
+        self.model
+    }
+
+    fn scale(&self) -> BonusScale {
+        self.scale
+    }
+
+    fn build(&self, owner: u32, context: &AgentContext<'_>) -> Box<dyn GainModel> {
+        Box::new(RndModel::new(self, owner, context))
+    }
+
+    /// A predictor and a target without an optimizer.
+    fn memory(&self, spec: &TaskSpec) -> u64 {
+        let network = Network::memory(&Mlp::new(&layer_sizes(self, spec)));
+        network + network / 8
+    }
+
+    fn formula(&self) -> String {
+        FORMULA.to_owned()
+    }
+
+    fn is_deterministic(&self) -> bool {
+        true
+    }
+}
+
+/// Formula of the gains, for readers of the tensors.
+const FORMULA: &str = "inputs: a continuous action is first scaled to its range, \
+    clip((a - center) / half_range, -1, 1); then x = clip((input - inputs.mean) / inputs.deviation, \
+    -10, 10). Networks: tanh between the layers. Gain: mean over outputs of \
+    (predictor(x) - target(x))^2.";
+
 /// The fixed random network (target) and the predictor of one agent, or its copy of the team's
 /// predictor. Inputs of both are the state and the action of a step.
 pub(crate) struct RndModel {
@@ -78,13 +115,7 @@ fn layer_sizes(config: &Rnd, spec: &TaskSpec) -> Vec<usize> {
 }
 
 impl RndModel {
-    /// Approximate number of bytes that a model needs: a predictor and a target without an optimizer.
-    pub(crate) fn memory(config: &Rnd, spec: &TaskSpec) -> u64 {
-        let network = Network::memory(&Mlp::new(&layer_sizes(config, spec)));
-        network + network / 8
-    }
-
-    pub(crate) fn new(config: &Rnd, owner: u32, context: &AgentContext<'_>) -> Self {
+    fn new(config: &Rnd, owner: u32, context: &AgentContext<'_>) -> Self {
         let sizes = layer_sizes(config, context.spec);
         let mut random = stream(context.run_seed, Purpose::ModelParameters, owner, 0);
         let (target, predictor) = (Mlp::new(&sizes), Mlp::new(&sizes));
@@ -100,57 +131,6 @@ impl RndModel {
             activations: Activations::default(),
             gradient: Vec::new(),
         }
-    }
-
-    /// Mean squared error of the prediction at every `stride`-th step.   `gains: [⌈T/stride⌉]`,
-    /// overwritten
-    pub(crate) fn compute_gains(&mut self, episode: &Episode, stride: usize, gains: &mut Vec<f32>) {
-        self.encoder.load_episode(episode, stride, &mut self.rows);
-        self.compute_errors();
-        let width = self.target.outputs();
-        let mean_square =
-            |row: &[f32]| row.iter().map(|error| error * error).sum::<f32>() / width as f32;
-        gains.clear();
-        gains.extend(self.gradient.chunks_exact(width).map(mean_square));
-    }
-
-    /// Trains on minibatches of the new episodes, unless `is_frozen`. Returns the mean squared
-    /// error on the new episodes before training.
-    pub(crate) fn learn(
-        &mut self,
-        new_episodes: &[&Episode],
-        is_frozen: bool,
-        random: &mut Stream,
-    ) -> f32 {
-        let error = self.prediction_error(new_episodes);
-        for episode in new_episodes {
-            self.encoder.update_moments(episode);
-        }
-        if is_frozen || new_episodes.iter().all(|episode| episode.length() == 0) {
-            return error;
-        }
-        let descent = Descent {
-            regularization: 0.0,
-            gradient_clip: None,
-            step_size_factor: 1.0,
-        };
-        for _ in 0..self.config.minibatches.get() {
-            cancellation_point();
-            self.encoder.sample(
-                new_episodes,
-                self.config.minibatch.get() as usize,
-                random,
-                &mut self.rows,
-            );
-            self.compute_errors();
-            let share = 2.0 / self.gradient.len() as f32;
-            for slope in &mut self.gradient {
-                *slope *= share;
-            }
-            self.predictor
-                .descend(&self.rows.inputs, &self.gradient, &descent);
-        }
-        error
     }
 
     /// Writes prediction minus target of the loaded rows to `gradient`: `[N × outputs]`.
@@ -185,25 +165,62 @@ impl RndModel {
         }
         (sum / count.max(1) as f64) as f32
     }
+}
 
-    /// Copies what another model has learned, as far as gains depend on it.
-    pub(crate) fn copy_learned(&mut self, trained: &Self) {
+impl GainModel for RndModel {
+    /// Mean squared error of the prediction at each step.
+    fn compute_gains(&mut self, steps: &Steps<'_>, _: &mut Stream, gains: &mut Vec<f32>) {
+        self.encoder
+            .load_episode(steps.episode, steps.stride, &mut self.rows);
+        self.compute_errors();
+        let width = self.target.outputs();
+        let mean_square =
+            |row: &[f32]| row.iter().map(|error| error * error).sum::<f32>() / width as f32;
+        gains.clear();
+        gains.extend(self.gradient.chunks_exact(width).map(mean_square));
+    }
+
+    /// Trains on minibatches of the new episodes.
+    fn learn(&mut self, data: &TrainingData<'_>, random: &mut Stream) -> Option<f32> {
+        let new_episodes = data.new_episodes;
+        let error = self.prediction_error(new_episodes);
+        for episode in new_episodes {
+            self.encoder.update_moments(episode);
+        }
+        if data.is_frozen || new_episodes.iter().all(|episode| episode.length() == 0) {
+            return Some(error);
+        }
+        let descent = Descent {
+            regularization: 0.0,
+            gradient_clip: None,
+            step_size_factor: 1.0,
+        };
+        for _ in 0..self.config.minibatches.get() {
+            cancellation_point();
+            self.encoder.sample(
+                new_episodes,
+                self.config.minibatch.get() as usize,
+                random,
+                &mut self.rows,
+            );
+            self.compute_errors();
+            let share = 2.0 / self.gradient.len() as f32;
+            for slope in &mut self.gradient {
+                *slope *= share;
+            }
+            self.predictor
+                .descend(&self.rows.inputs, &self.gradient, &descent);
+        }
+        Some(error)
+    }
+
+    fn copy_learned(&mut self, trained: &dyn GainModel) {
+        let trained: &Self = same_kind(trained);
         self.predictor.copy_parameters(&trained.predictor);
         self.encoder.copy_moments(&trained.encoder);
     }
 
-    pub(crate) fn is_finite(&self) -> bool {
-        self.predictor.is_finite()
-    }
-
-    /// Formula of the gains, for readers of the tensors.
-    pub(super) const FORMULA: &'static str = "inputs: a continuous action is first scaled to its \
-        range, clip((a - center) / half_range, -1, 1); then x = clip((input - inputs.mean) / \
-        inputs.deviation, -10, 10). Networks: tanh between the layers. Gain: mean over outputs of \
-        (predictor(x) - target(x))^2.";
-
-    /// The fixed random network, the predictor, and the moments of the inputs.
-    pub(super) fn tensors(&self) -> Vec<Tensor<'_>> {
+    fn tensors(&self) -> Vec<Tensor<'_>> {
         let [mean, deviation, _] = self.encoder.tensors();
         network_tensors(&self.target, &self.target_parameters, "target")
             .chain(self.predictor.tensors("predictor"))
@@ -211,7 +228,11 @@ impl RndModel {
             .collect()
     }
 
-    pub(crate) fn save(&self) -> Vec<u8> {
+    fn is_finite(&self) -> bool {
+        self.predictor.is_finite()
+    }
+
+    fn save(&self) -> Vec<u8> {
         let saved = Saved {
             predictor: self.predictor.learned_state(),
             moments: self.encoder.moments(),
@@ -219,7 +240,7 @@ impl RndModel {
         postcard::to_stdvec(&saved).expect("plain numbers always serialize")
     }
 
-    pub(crate) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         let saved: Saved<LearnedState, Moments> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         self.predictor.restore(saved.predictor)?;

@@ -6,19 +6,23 @@ use rand::seq::index;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{BonusScale, ModelSharing};
-use crate::agent::scaling::{ObservationScaling, Scaling};
-use crate::agent::{AgentContext, Tensor};
+use super::{BonusConfig, BonusScale, GainModel, ModelSharing, Steps, same_kind};
+use crate::agent::AgentContext;
 use crate::experience::Episode;
 use crate::experience::replay::Origin;
-use crate::nn::STANDARDIZED_LIMIT;
+use crate::nn::{STANDARDIZED_LIMIT, Tensor};
 use crate::rl::state_entropy::{self, NeighborScratch};
+use crate::scaling::{ObservationScaling, Scaling};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, ranged_count};
 use seedbed_random::Stream;
 
-/// The configuration of the entropy bonus. Distances are those of observations whose display ranges
-/// are scaled to −1 to 1; in the papers, those of encoded images.
+/// Distance from the state that a step leads to, to other states of the newest round: k-nearest-
+/// neighbor entropy (RE3, Seo et al. 2021; APT, Liu & Abbeel 2021) of the states of a team (De Paola
+/// et al. 2025).
+///
+/// Distances are those of observations whose display ranges are scaled to −1 to 1; in the papers, those
+/// of encoded images.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TeamEntropy {
@@ -45,9 +49,42 @@ impl Default for TeamEntropy {
     }
 }
 
-impl TeamEntropy {
-    /// What is wrong with the parameters, if they do not fit together.
-    pub(super) fn fault(&self) -> Option<&'static str> {
+impl BonusConfig for TeamEntropy {
+    fn sharing(&self) -> ModelSharing {
+        self.model
+    }
+
+    fn scale(&self) -> BonusScale {
+        self.scale
+    }
+
+    fn build(&self, _owner: u32, context: &AgentContext<'_>) -> Box<dyn GainModel> {
+        Box::new(TeamEntropyModel::new(self, context))
+    }
+
+    fn memory(&self, spec: &TaskSpec) -> u64 {
+        let numbers = spec.observation_width() as u64 + 3;
+        4 * numbers * u64::from(self.references.get())
+    }
+
+    fn formula(&self) -> String {
+        format!(
+            "x = clip((input - observations.center) / observations.half_range, \
+             -{STANDARDIZED_LIMIT}, {STANDARDIZED_LIMIT}), where the input is the observation after \
+             the step. Gain: log(1 + d), where d is the Euclidean distance from x to the row of \
+             references at position {} by distance, not counting the row of the same step.",
+            self.neighbors.get()
+        )
+    }
+
+    fn inputs(&self, spec: &TaskSpec) -> Vec<String> {
+        let observations = spec.observations.iter();
+        observations
+            .map(|observation| observation.name.clone())
+            .collect()
+    }
+
+    fn fault(&self) -> Option<&'static str> {
         if self.model == ModelSharing::Frozen {
             Some(
                 "`TeamEntropy` has no model that could be frozen; expected `model: Shared` or \
@@ -60,15 +97,12 @@ impl TeamEntropy {
         }
     }
 
-    /// Formula of the gains, for readers of the tensors.
-    pub(super) fn formula(&self) -> String {
-        format!(
-            "x = clip((input - observations.center) / observations.half_range, \
-             -{STANDARDIZED_LIMIT}, {STANDARDIZED_LIMIT}), where the input is the observation after \
-             the step. Gain: log(1 + d), where d is the Euclidean distance from x to the row of \
-             references at position {} by distance, not counting the row of the same step.",
-            self.neighbors.get()
-        )
+    fn is_deterministic(&self) -> bool {
+        true
+    }
+
+    fn can_be_frozen(&self) -> bool {
+        false
     }
 }
 
@@ -92,13 +126,7 @@ struct References {
 }
 
 impl TeamEntropyModel {
-    /// Approximate number of bytes that the references of one agent need.
-    pub(crate) fn memory(config: &TeamEntropy, spec: &TaskSpec) -> u64 {
-        let numbers = spec.observation_width() as u64 + 3;
-        4 * numbers * u64::from(config.references.get())
-    }
-
-    pub(crate) fn new(config: &TeamEntropy, context: &AgentContext<'_>) -> Self {
+    fn new(config: &TeamEntropy, context: &AgentContext<'_>) -> Self {
         Self {
             config: config.clone(),
             width: context.spec.observation_width(),
@@ -109,9 +137,20 @@ impl TeamEntropyModel {
         }
     }
 
+    /// Scales observations, and clips them, so that distances are finite.
+    fn scale(&mut self, observations: &[f32]) {
+        self.scaling.apply(observations, &mut self.scaled);
+        let limit = STANDARDIZED_LIMIT as f32;
+        for number in &mut self.scaled {
+            *number = number.clamp(-limit, limit);
+        }
+    }
+}
+
+impl GainModel for TeamEntropyModel {
     /// Replaces the references by states of `episodes`. Start states are none of them, because no
     /// step leads there.
-    pub(crate) fn draw_references(&mut self, episodes: &[&Episode], random: &mut Stream) {
+    fn begin_round(&mut self, episodes: &[&Episode], random: &mut Stream) {
         let ends = episodes.iter().scan(0, |end, episode| {
             *end += episode.length();
             Some(*end)
@@ -146,24 +185,21 @@ impl TeamEntropyModel {
         };
     }
 
-    /// log(1 + d) of every `stride`-th step of an episode, 0 without references. `origin` names a
-    /// step: if it is one of the references, its own state does not count.   `gains: [⌈T/stride⌉]`,
-    /// overwritten
-    pub(crate) fn compute_gains(
-        &mut self,
-        episode: &Episode,
-        stride: usize,
-        origin: impl Fn(usize) -> Origin,
-        gains: &mut Vec<f32>,
-    ) {
+    /// log(1 + d) of each step, 0 without references. If a step is one of the references, its own
+    /// state does not count.
+    fn compute_gains(&mut self, steps: &Steps<'_>, _: &mut Stream, gains: &mut Vec<f32>) {
+        let episode = steps.episode;
         self.scale(episode.observations.get(self.width..).unwrap_or_default());
         let neighbors = self.config.neighbors.get() as usize;
         gains.clear();
-        for step in (0..episode.length()).step_by(stride) {
+        for step in (0..episode.length()).step_by(steps.stride) {
             let distance = state_entropy::distance_to_neighbor(
                 &self.scaled[step * self.width..][..self.width],
                 &self.references.columns,
-                self.references.steps.binary_search(&origin(step)).ok(),
+                self.references
+                    .steps
+                    .binary_search(&(steps.origin)(step))
+                    .ok(),
                 neighbors,
                 &mut self.scratch,
             );
@@ -171,22 +207,20 @@ impl TeamEntropyModel {
         }
     }
 
-    /// Scales observations, and clips them, so that distances are finite.
-    fn scale(&mut self, observations: &[f32]) {
-        self.scaling.apply(observations, &mut self.scaled);
-        let limit = STANDARDIZED_LIMIT as f32;
-        for number in &mut self.scaled {
-            *number = number.clamp(-limit, limit);
-        }
-    }
-
-    /// Copies the references of another model.
-    pub(crate) fn copy_learned(&mut self, trained: &Self) {
+    fn copy_learned(&mut self, trained: &dyn GainModel) {
+        let trained: &Self = same_kind(trained);
         self.references.clone_from(&trained.references);
     }
 
-    /// The references, after the first round, and the scaling of observations.
-    pub(super) fn tensors(&self) -> Vec<Tensor<'_>> {
+    fn compares_new_episodes(&self) -> bool {
+        true
+    }
+
+    fn is_finite(&self) -> bool {
+        true
+    }
+
+    fn tensors(&self) -> Vec<Tensor<'_>> {
         let mut tensors = self.scaling.tensors();
         let count = self.references.steps.len();
         if count > 0 {
@@ -201,11 +235,11 @@ impl TeamEntropyModel {
         tensors
     }
 
-    pub(crate) fn save(&self) -> Vec<u8> {
+    fn save(&self) -> Vec<u8> {
         postcard::to_stdvec(&self.references).expect("plain numbers always serialize")
     }
 
-    pub(crate) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         let references: References =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         let (stored, expected) = (

@@ -2,7 +2,10 @@
 
 use super::*;
 use crate::agent::TeamConfig;
+use crate::experience::Experience;
 use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
+use seedbed_input::numbers::{ranged_count, ranged_number};
+use seedbed_random::{Purpose, stream};
 
 fn spec() -> TaskSpec {
     let quantity = |name: &str| Quantity {
@@ -312,14 +315,17 @@ fn distances_are_scaled_to_display_ranges() {
         spec: &wide,
         record_advantages: false,
     };
-    let mut model = TeamEntropyModel::new(&TeamEntropy::default(), &context);
+    let mut model = TeamEntropy::default().build(0, &context);
     let (references, far) = (line(0, 0, &[0.0]), line(1, 0, &[1.0, 1e38]));
-    model.draw_references(
-        &[&references],
-        &mut stream(1, Purpose::ReferenceStates, 0, 0),
-    );
+    let mut random = stream(1, Purpose::ReferenceStates, 0, 0);
+    model.begin_round(&[&references], &mut random);
+    let steps = Steps {
+        episode: &far,
+        stride: 1,
+        origin: &|step| far.origin(step),
+    };
     let mut gains = vec![];
-    model.compute_gains(&far, 1, |step| far.origin(step), &mut gains);
+    model.compute_gains(&steps, &mut random, &mut gains);
     assert!(
         (f64::from(gains[0]) - 1.5_f64.ln()).abs() < 1e-6,
         "{gains:?}"

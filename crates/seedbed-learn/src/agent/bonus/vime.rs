@@ -9,19 +9,19 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{BonusScale, ModelSharing};
+use super::{BonusConfig, BonusScale, GainModel, ModelSharing, Steps, TrainingData, same_kind};
+use crate::agent::AgentContext;
 use crate::agent::dynamics::transitions::{Rows, Targets};
 use crate::agent::dynamics::{DynamicsModel, ModelShape, fill_normal};
-use crate::agent::{AgentContext, Tensor, network_tensors};
-use crate::experience::Episode;
-use crate::nn::BayesianSettings;
 use crate::nn::bayesian::{DiagonalGaussian, Draws, PassBuffers};
+use crate::nn::{BayesianSettings, Tensor, network_tensors};
 use crate::rl::information_gain;
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, Positive, ranged_count, ranged_number};
 use seedbed_random::{Purpose, Stream, stream};
 
-/// The configuration of VIME and Seed-VIME.
+/// Information that a step gives about the dynamics: VIME (Houthooft et al. 2016) and Seed-VIME
+/// (thesis Alg. 2).
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Vime {
@@ -113,6 +113,42 @@ fn default_transitions() -> Count<100_000_000> {
     ranged_count(1_000_000)
 }
 
+impl BonusConfig for Vime {
+    fn sharing(&self) -> ModelSharing {
+        self.model
+    }
+
+    fn scale(&self) -> BonusScale {
+        self.scale
+    }
+
+    fn build(&self, owner: u32, context: &AgentContext<'_>) -> Box<dyn GainModel> {
+        Box::new(VimeModel::new(self, owner, context))
+    }
+
+    fn memory(&self, spec: &TaskSpec) -> u64 {
+        self.shape().memory(spec)
+    }
+
+    fn formula(&self) -> String {
+        FORMULA.to_owned()
+    }
+
+    fn transitions_kept(&self) -> u64 {
+        match self.buffer {
+            ModelBuffer::Kept { transitions } => transitions.get().into(),
+            ModelBuffer::Cleared => 0,
+        }
+    }
+}
+
+/// Formula of the gains, for readers of the tensors.
+const FORMULA: &str = "inputs: a continuous action is first scaled to its range, \
+    clip((a - center) / half_range, -1, 1); then x = clip((input - inputs.mean) / inputs.deviation, \
+    -10, 10). Network: weights w ~ N(mean, deviation^2), relu between the layers; its outputs predict \
+    the change of each observation, clip(change / changes.root_mean_square, -10, 10). Gain: \
+    information that the step gives about w, nats.";
+
 /// The model of one agent, or its copy of the team's model.
 pub(crate) struct VimeModel {
     config: Vime,
@@ -145,14 +181,9 @@ impl Vime {
 }
 
 impl VimeModel {
-    /// Approximate number of bytes that a model needs.
-    pub(crate) fn memory(config: &Vime, spec: &TaskSpec) -> u64 {
-        config.shape().memory(spec)
-    }
-
     /// A model that draws from the random streams of agent `owner`; its seeds are those of the
     /// agent in `context`.
-    pub(crate) fn new(config: &Vime, owner: u32, context: &AgentContext<'_>) -> Self {
+    fn new(config: &Vime, owner: u32, context: &AgentContext<'_>) -> Self {
         let mut random = stream(context.run_seed, Purpose::ModelParameters, owner, 0);
         let dynamics = DynamicsModel::new(&config.shape(), context.spec, &mut random);
         let mut seeds = Vec::new();
@@ -166,37 +197,6 @@ impl VimeModel {
             dynamics,
             seeds,
             work: Workspace::default(),
-        }
-    }
-
-    /// The information gain of every `stride`-th step of an episode.   `gains: [⌈T/stride⌉]`,
-    /// overwritten
-    pub(crate) fn compute_gains(
-        &mut self,
-        episode: &Episode,
-        stride: usize,
-        random: &mut Stream,
-        gains: &mut Vec<f32>,
-    ) {
-        let count = self.dynamics.weight_count();
-        self.dynamics
-            .load_episode(episode, stride, &mut self.work.rows);
-        let draws = match self.config.gain {
-            Gain::OneDraw => 1,
-            Gain::Draws(draws) | Gain::ExplicitStep(draws) => draws.get() as usize,
-        };
-        fill_normal(&mut self.work.noise, draws * count, random);
-        self.perturb();
-        gains.clear();
-        gains.resize(episode.length().div_ceil(stride), 0.0);
-        match self.config.gain {
-            Gain::OneDraw => self.gains_from_one_draw(gains),
-            Gain::Draws(_) => self.gains_from_draws(gains, information_gain::second_order),
-            Gain::ExplicitStep(_) => {
-                self.gains_from_draws(gains, |sigma, mean, deviation, step| {
-                    information_gain::explicit_step(sigma, mean, deviation, step) as f32
-                });
-            }
         }
     }
 
@@ -272,26 +272,46 @@ impl VimeModel {
             set_next_gain,
         );
     }
+}
 
-    /// Trains on minibatches, unless `is_frozen`. Returns the mean squared error of the network with
-    /// the mean weights, on the new episodes before training.
-    pub(crate) fn learn(
-        &mut self,
-        all_episodes: &[&Episode],
-        new_episodes: &[&Episode],
-        is_frozen: bool,
-        random: &mut Stream,
-    ) -> f32 {
-        let error = self.dynamics.add_episodes(new_episodes);
+impl GainModel for VimeModel {
+    /// The information gain of each step.
+    fn compute_gains(&mut self, steps: &Steps<'_>, random: &mut Stream, gains: &mut Vec<f32>) {
+        let (episode, stride) = (steps.episode, steps.stride);
+        let count = self.dynamics.weight_count();
+        self.dynamics
+            .load_episode(episode, stride, &mut self.work.rows);
+        let draws = match self.config.gain {
+            Gain::OneDraw => 1,
+            Gain::Draws(draws) | Gain::ExplicitStep(draws) => draws.get() as usize,
+        };
+        fill_normal(&mut self.work.noise, draws * count, random);
+        self.perturb();
+        gains.clear();
+        gains.resize(episode.length().div_ceil(stride), 0.0);
+        match self.config.gain {
+            Gain::OneDraw => self.gains_from_one_draw(gains),
+            Gain::Draws(_) => self.gains_from_draws(gains, information_gain::second_order),
+            Gain::ExplicitStep(_) => {
+                self.gains_from_draws(gains, |sigma, mean, deviation, step| {
+                    information_gain::explicit_step(sigma, mean, deviation, step) as f32
+                });
+            }
+        }
+    }
+
+    /// Trains on minibatches. The error is that of the network with the mean weights.
+    fn learn(&mut self, data: &TrainingData<'_>, random: &mut Stream) -> Option<f32> {
+        let error = self.dynamics.add_episodes(data.new_episodes);
         let is_cleared = self.config.buffer == ModelBuffer::Cleared;
         let training_episodes = if is_cleared {
-            new_episodes
+            data.new_episodes
         } else {
-            all_episodes
+            data.all_episodes
         };
         let mut lengths = training_episodes.iter().map(|episode| episode.length());
-        if is_frozen || lengths.all(|length| length == 0) {
-            return error;
+        if data.is_frozen || lengths.all(|length| length == 0) {
+            return Some(error);
         }
         let (minibatches, minibatch) = (&self.config.minibatches, &self.config.minibatch);
         self.dynamics.train(
@@ -303,32 +323,19 @@ impl VimeModel {
         if is_cleared {
             self.dynamics.make_posterior_the_prior();
         }
-        error
+        Some(error)
     }
 
-    /// Copies what another model has learned, as far as gains depend on it.
-    pub(crate) fn copy_learned(&mut self, trained: &Self) {
+    fn copy_learned(&mut self, trained: &dyn GainModel) {
+        let trained: &Self = same_kind(trained);
         self.dynamics.copy_learned(&trained.dynamics);
     }
 
-    pub(crate) fn is_finite(&self) -> bool {
-        self.dynamics.is_finite()
-    }
-
-    /// Formula of the gains, for readers of the tensors.
-    pub(super) const FORMULA: &'static str = "inputs: a continuous action is first scaled to its \
-        range, clip((a - center) / half_range, -1, 1); then x = clip((input - inputs.mean) / \
-        inputs.deviation, -10, 10). Network: weights w ~ N(mean, deviation^2), relu between the \
-        layers; its outputs predict the change of each observation, clip(change / \
-        changes.root_mean_square, -10, 10). Gain: information that the step gives about w, nats.";
-
-    /// Means and standard deviations of the weights, and the moments of inputs and changes.
-    pub(super) fn tensors(&self) -> Vec<Tensor<'_>> {
+    fn tensors(&self) -> Vec<Tensor<'_>> {
         self.dynamics.tensors()
     }
 
-    /// The agent's seeds `z_k` of the model, if they modify it.
-    pub(super) fn seed_tensors(&self) -> Vec<Tensor<'_>> {
+    fn seed_tensors(&self) -> Vec<Tensor<'_>> {
         if self.config.seeds == ModelSeeds::Off {
             return Vec::new();
         }
@@ -336,11 +343,15 @@ impl VimeModel {
         network_tensors(mlp, &self.seeds, "seeds").collect()
     }
 
-    pub(crate) fn save(&self) -> Vec<u8> {
+    fn is_finite(&self) -> bool {
+        self.dynamics.is_finite()
+    }
+
+    fn save(&self) -> Vec<u8> {
         self.dynamics.save()
     }
 
-    pub(crate) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         self.dynamics.restore(bytes, "a bonus model")
     }
 }

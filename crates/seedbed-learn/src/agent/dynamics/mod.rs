@@ -8,11 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use self::transitions::{Moments, OutcomeUnits, Rows, Targets, TransitionEncoder};
 use super::network::Network;
-use super::{Tensor, network_tensors};
 use crate::cancellation::cancellation_point;
 use crate::experience::Episode;
 use crate::nn::bayesian::{BayesianState, PassBuffers};
-use crate::nn::{BayesianNetwork, BayesianSettings, Mlp};
+use crate::nn::{BayesianNetwork, BayesianSettings, Mlp, Tensor, network_tensors};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::Count;
 use seedbed_random::Stream;

@@ -5,9 +5,8 @@
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use crate::agent::Tensor;
 use crate::experience::Episode;
-use crate::nn::{STANDARDIZED_LIMIT, Standardizer};
+use crate::nn::{STANDARDIZED_LIMIT, Standardizer, Tensor};
 use seedbed_env::{Choice, Status, TaskSpec};
 use seedbed_random::Stream;
 

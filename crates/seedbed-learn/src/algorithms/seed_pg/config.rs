@@ -8,9 +8,9 @@ use crate::agent::bonus::Bonus;
 use crate::agent::network::Network;
 use crate::agent::network_info::{NetworkInfo, OutputTerm, ScalingInfo, setting_text};
 use crate::agent::policy::{self, ActionSelection};
-use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
 use crate::nn::AdamSettings;
+use crate::scaling::ObservationScaling;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{
@@ -350,7 +350,7 @@ impl AlgorithmConfig for SeedPg {
         }
     }
 
-    fn select_actions(&mut self, selection: ActionSelection) {
+    fn set_action_selection(&mut self, selection: ActionSelection) {
         self.actions = selection.into();
     }
 

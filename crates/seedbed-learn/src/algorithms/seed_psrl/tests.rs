@@ -198,7 +198,7 @@ fn without_draws_agents_plan_with_the_mean() {
     let mean = &team.model.network().posterior().mean;
     assert!(weights(&team).iter().all(|weights| weights == mean));
     let mut own = config(ModelDraw::Own);
-    own.select_actions(ActionSelection::Greedy);
+    own.set_action_selection(ActionSelection::Greedy);
     assert_eq!(own.draw, ModelDraw::Mean);
 }
 

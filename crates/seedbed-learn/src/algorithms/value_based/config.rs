@@ -12,11 +12,11 @@ use crate::agent::bonus::Bonus;
 use crate::agent::network::Network;
 use crate::agent::network_info::{self, ModelInfo, NetworkInfo, OutputTerm, ScalingInfo};
 use crate::agent::policy::ActionSelection;
-use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::seed_pg::config::TimeLimit;
 use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
 use crate::experience::replay::Replay;
 use crate::nn::AdamSettings;
+use crate::scaling::ObservationScaling;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{
@@ -208,16 +208,56 @@ impl ModelAssignment {
     }
 }
 
+/// The fields that the configurations of all value-based learners have.
+pub(super) trait CommonFields {
+    /// How actions are chosen from values.
+    fn exploration(&self) -> Exploration;
+    /// The same, to be replaced.
+    fn exploration_mut(&mut self) -> &mut Exploration;
+    /// Whether the learning network chooses the action that the target network evaluates.
+    fn double(&self) -> bool;
+    /// Parameters that all value-based learners have.
+    fn learning(&self) -> &Learning;
+    /// Exploration bonus.
+    fn located_bonus(&self) -> &Located<Bonus>;
+}
+
+/// Implements [`CommonFields`] for a configuration.
+macro_rules! has_common_fields {
+    ($config:ty) => {
+        impl CommonFields for $config {
+            fn exploration(&self) -> Exploration {
+                self.exploration
+            }
+
+            fn exploration_mut(&mut self) -> &mut Exploration {
+                &mut self.exploration
+            }
+
+            fn double(&self) -> bool {
+                self.double
+            }
+
+            fn learning(&self) -> &Learning {
+                &self.learning
+            }
+
+            fn located_bonus(&self) -> &Located<Bonus> {
+                &self.bonus
+            }
+        }
+    };
+}
+pub(super) use has_common_fields;
+
+has_common_fields!(QLearning);
+has_common_fields!(SeedTd);
+has_common_fields!(BootstrappedDqn);
+
 /// The configuration of a value-based learner.
-pub(super) trait ValueBased {
+pub(super) trait ValueBased: CommonFields {
     /// The settings for a team of `agents`.
     fn compose(&self, agents: usize) -> Composition;
-
-    /// The parameters that all value-based learners have.
-    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>);
-
-    /// How actions are chosen.
-    fn exploration_mut(&mut self) -> &mut Exploration;
 
     /// Checks that models can learn during a round.
     fn check_lockstep(&self) -> Result<(), ValidationError> {
@@ -237,8 +277,7 @@ impl<T: ValueBased> AlgorithmConfig for T {
     }
 
     fn check(&self) -> Result<(), ValidationError> {
-        let (learning, bonus) = self.learning_and_bonus();
-        check_parameters(learning, bonus)
+        check_parameters(self.learning(), self.located_bonus())
     }
 
     fn check_schedule(&self, schedule: ScheduleKind) -> Result<(), ScheduleError> {
@@ -277,13 +316,13 @@ impl<T: ValueBased> AlgorithmConfig for T {
         choice_count(task).map(|_| ()).map_err(message)
     }
 
-    fn select_actions(&mut self, selection: ActionSelection) {
+    fn set_action_selection(&mut self, selection: ActionSelection) {
         let exploration = self.exploration_mut();
         *exploration = exploration.with_actions(selection);
     }
 
     fn bonus(&self) -> Option<&Bonus> {
-        Some(self.learning_and_bonus().1)
+        Some(self.located_bonus())
     }
 
     fn network_info(&self, task: &TaskSpec, agents: usize) -> Option<NetworkInfo> {
@@ -322,7 +361,7 @@ impl<T: ValueBased> AlgorithmConfig for T {
         // A target network, a prior and an initial state in addition.
         let model = network + network / 2 + composition.bonus.memory(task);
         let stored = steps.min(learning.replay.get().into());
-        let replay = Replay::memory(stored, task.observation_width());
+        let replay = Replay::memory(stored, task.into());
         let indices = composition.index.map_or(0, |index| {
             // The value network and the prior for the index of each agent, as numbers and as bytes.
             let folded = super::network_shape(learning, task, choices).parameter_count() as u64;
@@ -350,11 +389,12 @@ fn check_parameters(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), V
     if learning.minibatch.get() > learning.replay.get() {
         return Err(small_replay(learning));
     }
-    if bonus.is_team_entropy() && !bonus.has_shared_model() {
-        return Err(bonus.error(
-            "value-based learners share all transitions, and `TeamEntropy` has no model that could be frozen; expected \
+    if !bonus.can_be_frozen() && !bonus.has_shared_model() {
+        return Err(bonus.error(format!(
+            "value-based learners share all transitions, and `{}` has no model that could be frozen; expected \
              `model: Shared`",
-        ));
+            bonus.name()
+        )));
     }
     Bonus::check(bonus)?;
     if bonus.has_independent_models() {
@@ -387,18 +427,8 @@ impl ValueBased for QLearning {
             } else {
                 agents
             },
-            exploration: self.exploration,
-            double: self.double,
-            ..Composition::with_defaults(&self.learning, &self.bonus)
+            ..Composition::of_fields(self)
         }
-    }
-
-    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>) {
-        (&self.learning, &self.bonus)
-    }
-
-    fn exploration_mut(&mut self) -> &mut Exploration {
-        &mut self.exploration
     }
 }
 
@@ -414,18 +444,8 @@ impl ValueBased for SeedTd {
             prior_scale: self.prior_scale.get_f32(),
             regularization: self.regularisation.get_f32(),
             fit: *self.fit,
-            exploration: self.exploration,
-            double: self.double,
-            ..Composition::with_defaults(&self.learning, &self.bonus)
+            ..Composition::of_fields(self)
         }
-    }
-
-    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>) {
-        (&self.learning, &self.bonus)
-    }
-
-    fn exploration_mut(&mut self) -> &mut Exploration {
-        &mut self.exploration
     }
 
     fn has_reward_seeds(&self) -> bool {
@@ -452,18 +472,8 @@ impl ValueBased for BootstrappedDqn {
             },
             mask: self.mask.get_f32(),
             prior_scale: self.prior_scale.get_f32(),
-            exploration: self.exploration,
-            double: self.double,
-            ..Composition::with_defaults(&self.learning, &self.bonus)
+            ..Composition::of_fields(self)
         }
-    }
-
-    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>) {
-        (&self.learning, &self.bonus)
-    }
-
-    fn exploration_mut(&mut self) -> &mut Exploration {
-        &mut self.exploration
     }
 }
 
@@ -474,8 +484,8 @@ impl Composition {
         index.map_or(choices, |index| index.outputs(choices))
     }
 
-    /// One greedy model without seeds, masks and priors.
-    pub(super) fn with_defaults(learning: &Learning, bonus: &Bonus) -> Self {
+    /// One model without seeds, masks and priors, with the common fields of a configuration.
+    pub(super) fn of_fields(config: &impl CommonFields) -> Self {
         Self {
             models: 1,
             assignment: ModelAssignment::Fixed,
@@ -485,10 +495,10 @@ impl Composition {
             regularization: 0.0,
             fit: Fit::Td,
             index: None,
-            double: false,
-            exploration: Exploration::Greedy,
-            learning: learning.clone(),
-            bonus: bonus.clone(),
+            double: config.double(),
+            exploration: config.exploration(),
+            learning: config.learning().clone(),
+            bonus: config.located_bonus().value().clone(),
         }
     }
 }

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::config::{Composition, Learning, ValueBased};
+use super::config::{CommonFields, Composition, Learning, ValueBased, has_common_fields};
 use super::exploration::Exploration;
 use super::index::{IndexDraw, IndexOwner, IndexSettings, TargetIndex};
 use crate::agent::bonus::Bonus;
@@ -65,6 +65,8 @@ impl Default for HyperAgent {
     }
 }
 
+has_common_fields!(HyperAgent);
+
 impl ValueBased for HyperAgent {
     fn compose(&self, _: usize) -> Composition {
         Composition {
@@ -77,17 +79,7 @@ impl ValueBased for HyperAgent {
                 redraw: self.draw,
             }),
             prior_scale: self.prior_scale.get_f32(),
-            exploration: self.exploration,
-            double: self.double,
-            ..Composition::with_defaults(&self.learning, &self.bonus)
+            ..Composition::of_fields(self)
         }
-    }
-
-    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>) {
-        (&self.learning, &self.bonus)
-    }
-
-    fn exploration_mut(&mut self) -> &mut Exploration {
-        &mut self.exploration
     }
 }

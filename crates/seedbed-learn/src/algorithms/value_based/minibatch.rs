@@ -70,7 +70,7 @@ impl Minibatch {
         weight: f32,
     ) {
         self.states.extend_from_slice(transition.state);
-        self.actions.push(transition.action);
+        self.actions.push(transition.action[0] as usize);
         self.rewards.push(reward);
         self.next_states.extend_from_slice(transition.next_state);
         self.discounts.push(discount);
@@ -94,10 +94,9 @@ fn push_pair(pairs: &mut Episode, transition: &Transition<'_>) {
     pairs
         .observations
         .extend(transition.state.iter().chain(transition.next_state));
-    pairs.actions.extend(std::iter::repeat_n(
-        transition.action as f32,
-        1 + connecting_steps,
-    ));
+    for _ in 0..=connecting_steps {
+        pairs.actions.extend_from_slice(transition.action);
+    }
     pairs
         .rewards
         .extend(std::iter::repeat_n(transition.reward, 1 + connecting_steps));
@@ -127,10 +126,10 @@ mod tests {
             Minibatch::for_bonus_model(&TaskSpec::new("test", Vec::new(), Vec::new()));
         for _ in 0..2 {
             minibatch.clear();
-            for (state, next_state, action) in [([1.0], [2.0], 1), ([5.0], [6.0], 0)] {
+            for (state, next_state, action) in [([1.0], [2.0], [1.0]), ([5.0], [6.0], [0.0])] {
                 let transition = Transition {
                     state: &state,
-                    action,
+                    action: &action,
                     reward: 0.0,
                     next_state: &next_state,
                     status: Status::Running,

@@ -31,12 +31,12 @@ use self::exploration::Chooser;
 use self::local_models::LocalModels;
 use self::model::{LearningContext, ValueModel};
 use crate::agent::bonus::{Bonus, SHARED_OWNER};
-use crate::agent::scaling::Scaling;
-use crate::agent::{ActScratch, Tensor, Update, UpdateReport, ValueScratch};
+use crate::agent::{ActScratch, Update, UpdateReport, ValueScratch};
 use crate::experience::replay::Replay;
 use crate::experience::{Episode, Experience, StepData};
-use crate::nn::{Mlp, Standardizer};
+use crate::nn::{Mlp, Standardizer, Tensor};
 use crate::rl::index_conditioned;
+use crate::scaling::Scaling;
 use crate::team::{
     ActionRequest, AgentUpdate, LearningRequest, LearningTiming, SavedTeam, Team, TeamContext,
     Workers,
@@ -127,7 +127,7 @@ impl ValueTeam {
                 .map(|agent| agent % composition.models)
                 .collect(),
             followers: vec![Vec::new(); composition.models],
-            replay: Replay::new(learning.replay.get() as usize, spec.observation_width()),
+            replay: Replay::new(learning.replay.get() as usize, spec.into()),
             steps: 0,
             steps_of_round: 0,
             new_transitions: 0,

@@ -10,14 +10,14 @@ use super::minibatch::{Minibatch, discount_after};
 use super::perturbation::Perturbation;
 use crate::agent::bonus::BonusModel;
 use crate::agent::network::{Descent, LearnedState, Network};
-use crate::agent::scaling::Scaling;
-use crate::agent::{AgentContext, Tensor, UpdateReport, ValueBuffers, network_tensors};
+use crate::agent::{AgentContext, UpdateReport, ValueBuffers};
 use crate::cancellation::cancellation_point;
 use crate::experience::replay::Replay;
 use crate::experience::{Episode, Experience};
 use crate::math;
-use crate::nn::{Activations, Initial, Mlp};
+use crate::nn::{Activations, Initial, Mlp, Tensor, network_tensors};
 use crate::rl::{categorical, q_learning};
+use crate::scaling::Scaling;
 use seedbed_input::numbers::Positive;
 use seedbed_random::{Purpose, Stream, stream};
 

@@ -3,7 +3,7 @@
 use super::config::{BootstrappedDqn, Draw, Fit, Learning, Models, QLearning, SeedTd, ValueBased};
 use super::*;
 use crate::agent::TeamConfig;
-use crate::agent::scaling::ObservationScaling;
+use crate::scaling::ObservationScaling;
 use crate::seed::{RewardSeeds, SameInitial};
 use seedbed_env::{Action, Quantity, Status};
 use seedbed_input::numbers::{ranged_count, ranged_number};

@@ -7,7 +7,7 @@ mod updates;
 use super::config::*;
 use super::*;
 use crate::agent::TeamConfig;
-use crate::agent::scaling::ObservationScaling;
+use crate::scaling::ObservationScaling;
 use crate::seed::RewardSeeds;
 use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
 use seedbed_input::numbers::{ranged_count, ranged_number};

@@ -68,7 +68,7 @@ impl Learner {
         Self {
             model: ValueModel::new(0, &composition, Mlp::new(&[3, 8, 2]), &context),
             scaling: Scaling::new(composition.learning.observations, &spec),
-            replay: Replay::new(capacity, 3),
+            replay: Replay::new(capacity, (&spec).into()),
             composition,
             rounds: 0,
         }

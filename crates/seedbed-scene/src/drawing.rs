@@ -1,13 +1,20 @@
 //! The bodies of a scene as shapes on a page.
 
-use seedbed_env::{Pose, Scene, SceneBody, Shape};
+use crate::body_color::{BodyColor, body_colors};
+use crate::outline::{points_and_thickness, rope_line, scene_point};
+use seedbed_env::{Pose, Scene};
 use seedbed_figure::color::{MUTED_COLOR, TEXT_COLOR, agent_color};
 use seedbed_figure::{Color, DrawnShape};
 
-use crate::record::outline::{outline, rope_line, scene_point};
-
-/// The shapes of all bodies in one state, on top of the lines of the ground of the episode and of ropes.
-pub(super) fn shapes(
+/// The shapes of all bodies in one state, on top of the lines of the ground of the episode and of ropes,
+/// in the colors of an agent on white.
+///
+/// `poses`: `[bodies]`; `terrain`: the lines of the ground in the world, m.
+///
+/// # Panics
+/// If a body has no pose.
+#[must_use]
+pub fn shapes(
     scene: &Scene,
     poses: &[Pose],
     terrain: &[Vec<[f32; 2]>],
@@ -16,15 +23,14 @@ pub(super) fn shapes(
     let camera = scene
         .tracked
         .map_or([0.0, 0.0], |body| [poses[body].x, -poses[body].y]);
-    let mut moving_before = 0;
     let line =
         |points: &[[f32; 2]]| drawn_shape(points, Some(0.0), Pose::default(), camera, MUTED_COLOR);
     let ground = terrain.iter().map(|points| line(points));
     let ropes = scene.ropes.iter().map(|rope| line(&rope_line(rope, poses)));
     let mut drawn: Vec<_> = ground.chain(ropes).collect();
-    for (body, pose) in scene.bodies.iter().zip(poses) {
-        let color = color(body, moving_before, agent);
-        moving_before += u32::from(!body.is_fixed);
+    let bodies = scene.bodies.iter().zip(poses);
+    for ((body, pose), color) in bodies.zip(body_colors(scene)) {
+        let color = color_on_page(color, agent);
         for shape in &body.shapes {
             let (points, thickness) = points_and_thickness(shape);
             drawn.push(drawn_shape(&points, thickness, *pose, camera, color));
@@ -34,22 +40,11 @@ pub(super) fn shapes(
 }
 
 /// Fixed bodies are gray; moving bodies alternate between the color of the agent and a dark one.
-fn color(body: &SceneBody, moving_before: u32, agent: u32) -> Color {
-    if body.is_fixed {
-        MUTED_COLOR
-    } else if moving_before.is_multiple_of(2) {
-        agent_color(agent)
-    } else {
-        TEXT_COLOR
-    }
-}
-
-/// The points of a shape in its body's frame, and the thickness of lines; `None` for closed shapes.
-pub(crate) fn points_and_thickness(shape: &Shape) -> (Vec<[f32; 2]>, Option<f32>) {
-    match shape {
-        Shape::Polyline(points) => (points.clone(), Some(0.0)),
-        Shape::Capsule { from, to, radius } => (vec![*from, *to], Some(2.0 * radius)),
-        closed => (outline(closed).unwrap_or_default(), None),
+fn color_on_page(color: BodyColor, agent: u32) -> Color {
+    match color {
+        BodyColor::Fixed => MUTED_COLOR,
+        BodyColor::Agent => agent_color(agent),
+        BodyColor::Alternate => TEXT_COLOR,
     }
 }
 
@@ -75,7 +70,7 @@ fn drawn_shape(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::{SceneRope, SceneRopeEnd};
+    use seedbed_env::{SceneBody, SceneRope, SceneRopeEnd, Shape};
 
     /// From the point (0, 3) of the world to the upper end of the rod.
     fn rope_from_world_to_rod() -> SceneRope {

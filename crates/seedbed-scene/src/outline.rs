@@ -1,10 +1,11 @@
-//! Outlines of shapes, in the frame of their body and in the scene, and lines of the ground. The y
-//! axis of a scene points down, as in Rerun and in images.
+//! Outlines of shapes, in the frame of their body and in the picture, and lines of the ground. The y
+//! axis of a picture points down.
 
 use seedbed_env::{Environment, Pose, SceneRope, Shape};
 
-/// The outline of a shape. `None` for open lines, which are left out of traces.
-pub(crate) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
+/// The outline of a shape in its body's frame, m. `None` for open lines, which are left out of traces.
+#[must_use]
+pub fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
     match shape {
         Shape::Ball { center, radius } => {
             let point = |part: u8| {
@@ -31,9 +32,20 @@ pub(crate) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
     }
 }
 
+/// The points of a shape in its body's frame, m, and the thickness of lines, m; `None` for closed shapes.
+#[must_use]
+pub fn points_and_thickness(shape: &Shape) -> (Vec<[f32; 2]>, Option<f32>) {
+    match shape {
+        Shape::Polyline(points) => (points.clone(), Some(0.0)),
+        Shape::Capsule { from, to, radius } => (vec![*from, *to], Some(2.0 * radius)),
+        closed => (outline(closed).unwrap_or_default(), None),
+    }
+}
+
 /// The lines of the ground of `copy` that differ from episode to episode, m: `[lines]` of `[points]`.
 /// Points whose height is not finite are left out.
-pub(crate) fn terrain_lines(environment: &dyn Environment, copy: usize) -> Vec<Vec<[f32; 2]>> {
+#[must_use]
+pub fn terrain_lines(environment: &dyn Environment, copy: usize) -> Vec<Vec<[f32; 2]>> {
     let mut lines = environment.terrain(copy);
     for line in &mut lines {
         line.retain(|[x, y]| x.is_finite() && y.is_finite());
@@ -41,27 +53,35 @@ pub(crate) fn terrain_lines(environment: &dyn Environment, copy: usize) -> Vec<V
     lines
 }
 
-/// The position in the scene of a point of a body.
-pub(crate) fn scene_point(point: [f32; 2], pose: Pose) -> [f32; 2] {
+/// The position in the picture, m, of a point of a body.
+#[must_use]
+pub fn scene_point(point: [f32; 2], pose: Pose) -> [f32; 2] {
     let [x, y] = rotated_and_shifted(point, pose.angle, [pose.x, pose.y]);
     [x, -y]
 }
 
-/// The ends of a rope in the world, m. `poses`: of all bodies.
-pub(crate) fn rope_line(SceneRope(ends): &SceneRope, poses: &[Pose]) -> [[f32; 2]; 2] {
+/// The ends of a rope in the world, m. `poses`: `[bodies]`
+///
+/// # Panics
+/// If the body at an end has no pose.
+#[must_use]
+pub fn rope_line(SceneRope(ends): &SceneRope, poses: &[Pose]) -> [[f32; 2]; 2] {
     ends.map(|end| {
         let pose = end.body.map_or(Pose::default(), |body| poses[body]);
         rotated_and_shifted(end.at, pose.angle, [pose.x, pose.y])
     })
 }
 
-pub(super) fn rotated_and_shifted([x, y]: [f32; 2], angle: f32, [right, up]: [f32; 2]) -> [f32; 2] {
+/// A point, m, rotated about the origin by an angle, rad, and then shifted.
+#[must_use]
+pub fn rotated_and_shifted([x, y]: [f32; 2], angle: f32, [right, up]: [f32; 2]) -> [f32; 2] {
     let (sin, cos) = angle.sin_cos();
     [right + cos * x - sin * y, up + sin * x + cos * y]
 }
 
 /// The corners of a box of half width `w` and half height `h`, with the first corner repeated at
 /// the end.
-pub(super) fn corners([w, h]: [f32; 2]) -> [[f32; 2]; 5] {
+#[must_use]
+pub fn corners([w, h]: [f32; 2]) -> [[f32; 2]; 5] {
     [[-w, -h], [w, -h], [w, h], [-w, h], [-w, -h]]
 }

@@ -1,11 +1,11 @@
-//! The bounds of a scene that viewers and films show. The y axis of a scene points down, so the upper end
-//! has the smaller number.
+//! The part of a scene that pictures of an episode show. The y axis of a picture points down, so the
+//! upper end has the smaller number.
 
-use super::outline::{outline, scene_point};
+use crate::outline::{outline, scene_point};
 use seedbed_env::{Pose, Scene, SceneBody, SceneRope, Shape};
 
-/// Left, right, upper and lower end of a rectangle.
-pub(crate) type Bounds = [f32; 4];
+/// Left, right, upper and lower end of a rectangle, m.
+pub type Bounds = [f32; 4];
 
 /// A line counts as endless if it is longer than this ratio times the size of all other parts.
 const ENDLESS_RATIO: f32 = 5.0;
@@ -13,30 +13,39 @@ const ENDLESS_RATIO: f32 = 5.0;
 /// Bounds that contain all bodies during an episode, and the ground near them. If a body is tracked,
 /// the bounds are relative to that body, and contain only the moving bodies and the ground near them.
 ///
-/// `poses`: `[states × bodies]`; `terrain`: the lines of the ground in the world, m.
-pub(crate) fn episode_bounds(
-    scene: &Scene,
-    poses: &[Pose],
-    terrain: &[Vec<[f32; 2]>],
-) -> Option<Bounds> {
-    let frames = || poses.chunks_exact(scene.bodies.len());
-    let moving = frames()
-        .filter_map(|frame| moving_bounds(scene, frame))
+/// `poses`: `[states × bodies]`; `terrain`: the lines of the ground in the world, m. `None` if no body
+/// moves.
+#[must_use]
+pub fn episode_bounds(scene: &Scene, poses: &[Pose], terrain: &[Vec<[f32; 2]>]) -> Option<Bounds> {
+    let states = || poses.chunks_exact(scene.bodies.len());
+    let moving = states()
+        .filter_map(|state| moving_bounds(scene, state))
         .reduce(union)?;
     if let Some(tracked) = scene.tracked {
-        let shown = frames()
-            .filter_map(|frame| {
-                tracked_ground(scene, frame, frame[tracked], extent(moving), terrain)
+        let shown = states()
+            .filter_map(|state| {
+                tracked_ground(scene, state, state[tracked], extent(moving), terrain)
             })
             .fold(moving, union);
         return Some(with_margin(shown, 0.25 * extent(shown)));
     }
     Some(bounds_of_fixed_and_moving_bodies(
         moving,
-        &fixed_bounds(scene, frames().next()?),
+        &fixed_bounds(scene, states().next()?),
         line_overhang(&scene.bodies),
         terrain,
     ))
+}
+
+/// Bounds of several episodes of a scene, of which each has `poses` and `terrain` as in
+/// [`episode_bounds`].
+#[must_use]
+pub fn bounds_of_episodes<'a>(
+    scene: &Scene,
+    episodes: impl Iterator<Item = (&'a [Pose], &'a [Vec<[f32; 2]>])>,
+) -> Option<Bounds> {
+    let bounds = episodes.filter_map(|(poses, terrain)| episode_bounds(scene, poses, terrain));
+    bounds.reduce(union)
 }
 
 /// Bounds that contain the moving bodies, the fixed bodies, the nearest points of endless lines
@@ -80,13 +89,13 @@ fn bounds_of_fixed_and_moving_bodies(
     with_margin(all, 0.05 * extent(all))
 }
 
-/// Bounds of the moving bodies in one frame, for every possible rotation about their origins.
-fn moving_bounds(scene: &Scene, frame: &[Pose]) -> Option<Bounds> {
-    let camera = scene.tracked.map_or(Pose::default(), |body| frame[body]);
+/// Bounds of the moving bodies in one state, for every possible rotation about their origins.
+fn moving_bounds(scene: &Scene, state: &[Pose]) -> Option<Bounds> {
+    let camera = scene.tracked.map_or(Pose::default(), |body| state[body]);
     let moving = scene
         .bodies
         .iter()
-        .zip(frame)
+        .zip(state)
         .filter(|(body, _)| !body.is_fixed);
     let centers_and_radii = moving.filter_map(|(body, pose)| {
         Some((
@@ -101,8 +110,8 @@ fn moving_bounds(scene: &Scene, frame: &[Pose]) -> Option<Bounds> {
 
 /// Bounds of each shape of the fixed bodies and of each point of the world that a rope is tied to, and
 /// whether they are those of an open line.
-fn fixed_bounds(scene: &Scene, frame: &[Pose]) -> Vec<(Bounds, bool)> {
-    let bodies = scene.bodies.iter().zip(frame);
+fn fixed_bounds(scene: &Scene, state: &[Pose]) -> Vec<(Bounds, bool)> {
+    let bodies = scene.bodies.iter().zip(state);
     let fixed = bodies.filter(|(body, _)| body.is_fixed);
     let shapes = fixed.flat_map(|(body, pose)| body.shapes.iter().map(|shape| (shape, *pose)));
     let bounds_of_shape = |(shape, pose): (&Shape, Pose)| match shape {
@@ -139,10 +148,10 @@ fn extended_to_nearest_point(
     }
 }
 
-/// Bounds of the ground near the moving bodies in one frame, relative to the tracked body at `camera`.
+/// Bounds of the ground near the moving bodies in one state, relative to the tracked body at `camera`.
 fn tracked_ground(
     scene: &Scene,
-    frame: &[Pose],
+    state: &[Pose],
     camera: Pose,
     distance: f32,
     terrain: &[Vec<[f32; 2]>],
@@ -150,7 +159,7 @@ fn tracked_ground(
     if terrain.is_empty() {
         return None;
     }
-    let bodies = shifted(moving_bounds(scene, frame)?, [camera.x, -camera.y]);
+    let bodies = shifted(moving_bounds(scene, state)?, [camera.x, -camera.y]);
     let ground = terrain
         .iter()
         .filter_map(|line| ground_near(line, bodies, distance))
@@ -227,7 +236,9 @@ fn bounds(outline: &[[f32; 2]], pose: Pose) -> Option<Bounds> {
         .reduce(union)
 }
 
-pub(crate) fn union(one: Bounds, other: Bounds) -> Bounds {
+/// The smallest rectangle that contains both.
+#[must_use]
+pub fn union(one: Bounds, other: Bounds) -> Bounds {
     [
         one[0].min(other[0]),
         one[1].max(other[1]),
@@ -244,8 +255,9 @@ fn with_margin([left, right, top, bottom]: Bounds, margin: f32) -> Bounds {
     [left - margin, right + margin, top - margin, bottom + margin]
 }
 
-/// Length of the longer side.
-pub(crate) fn extent([left, right, top, bottom]: Bounds) -> f32 {
+/// Length of the longer side, m.
+#[must_use]
+pub fn extent([left, right, top, bottom]: Bounds) -> f32 {
     (right - left).max(bottom - top)
 }
 
@@ -285,7 +297,7 @@ mod tests {
         }
     }
 
-    fn frame_with_ball_at(x: f32, y: f32) -> [Pose; 2] {
+    fn ball_between_walls_at(x: f32, y: f32) -> [Pose; 2] {
         [Pose::default(), Pose { x, y, angle: 0.0 }]
     }
 
@@ -302,7 +314,11 @@ mod tests {
     fn endless_walls_are_shown_if_they_are_near() {
         // The ball moves from −0.5 to 0.5 and has a radius of 0.2: 1.4 m in total, so that all four
         // walls are near enough. The bounds are 2 m plus 5 % on each side.
-        let poses = [frame_with_ball_at(-0.5, 0.0), frame_with_ball_at(0.5, 0.0)].concat();
+        let poses = [
+            ball_between_walls_at(-0.5, 0.0),
+            ball_between_walls_at(0.5, 0.0),
+        ]
+        .concat();
         assert_close(
             episode_bounds(&ball_between_walls(), &poses, &[]),
             [-1.1, 1.1, -1.1, 1.1],
@@ -310,7 +326,7 @@ mod tests {
         // A ball that does not move extends over 0.4 m, so that walls at a distance of 0.8 m are
         // too far. The bounds are 0.4 m plus 5 % on each side.
         assert_close(
-            episode_bounds(&ball_between_walls(), &frame_with_ball_at(0.0, 0.0), &[]),
+            episode_bounds(&ball_between_walls(), &ball_between_walls_at(0.0, 0.0), &[]),
             [-0.22, 0.22, -0.22, 0.22],
         );
     }
@@ -357,8 +373,8 @@ mod tests {
             ..ball_between_walls()
         };
         let poses = [
-            frame_with_ball_at(-50.0, 3.0),
-            frame_with_ball_at(50.0, 0.0),
+            ball_between_walls_at(-50.0, 3.0),
+            ball_between_walls_at(50.0, 0.0),
         ]
         .concat();
         // The bounds are 0.4 m, the size of the ball, plus a quarter of this size on each side.

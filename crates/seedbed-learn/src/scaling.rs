@@ -3,8 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Tensor;
-use crate::nn::Standardizer;
+use crate::nn::{Standardizer, Tensor};
 use seedbed_env::TaskSpec;
 
 /// How observations are scaled for networks.
@@ -72,7 +71,7 @@ impl Scaling {
     }
 
     /// The numbers of the scaling: center and half range, or mean and standard deviation; none if
-    /// observations are not scaled. [`ScalingInfo`](super::network_info::ScalingInfo) has the names
+    /// observations are not scaled. [`ScalingInfo`](crate::agent::network_info::ScalingInfo) has the names
     /// and the formula.
     pub(crate) fn tensors(&self) -> Vec<Tensor<'static>> {
         let [offset, scale]: [(&str, Vec<f32>); 2] = match self {

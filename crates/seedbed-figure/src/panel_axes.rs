@@ -1,4 +1,4 @@
-//! The frame of a panel: title, axes with ticks, and grid.
+//! What surrounds the data of a panel: title, axes with ticks, and grid.
 
 use super::color::{AXIS_COLOR, GRID_COLOR, MUTED_COLOR};
 use super::font::{Weight, fit_text, text_width};
@@ -16,7 +16,7 @@ pub(super) const TITLE_HEIGHT: f64 = 24.0;
 
 /// Title, axes and grid of a panel.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Frame<'a> {
+pub(super) struct PanelAxes<'a> {
     pub(super) title: &'a str,
     pub(super) x_label: &'a str,
     pub(super) y_label: &'a str,
@@ -42,7 +42,7 @@ impl Plot {
     }
 }
 
-impl Frame<'_> {
+impl PanelAxes<'_> {
     /// The plot within a panel, without drawing anything.
     pub(super) fn plot(&self, panel: &Rect) -> Plot {
         let bottom_margin = self.bottom_margin();

@@ -1,0 +1,100 @@
+"""What a recording says of an environment: its name, task, time limit and duration of a step."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Mapping
+from typing import Any
+
+from .recorded_axes import check_text
+from .state_files import Axis, Header
+
+
+def header_of(
+    agent: int,
+    environment: str,
+    observations: tuple[Axis, ...],
+    actions: tuple[Axis, ...],
+    spec: Any,
+    metadata: Mapping[str, Any],
+    learner: int | None,
+) -> Header:
+    """The header of the file of an agent."""
+    check_text(environment, "environment")
+    number = agent_number("agent", agent)
+    learner_number = None if learner is None else agent_number("learner", learner)
+    return Header(
+        agent=number,
+        environment=environment,
+        observations=observations,
+        actions=actions,
+        time_limit=_time_limit(spec),
+        step_seconds=_step_seconds(metadata.get("render_fps")),
+        learner=None if learner_number == number else learner_number,
+    )
+
+
+def agent_number(name: str, number: Any) -> int:
+    """A number of an agent or learner; an error says the `name` of the argument."""
+    try:
+        index = -1 if isinstance(number, bool) else operator.index(number)
+    except TypeError:
+        index = -1
+    if not 0 <= index < 1 << 16:
+        raise ValueError(f"{name} is {number!r}, expected a number from 0 to 65535")
+    return index
+
+
+def _time_limit(spec: Any) -> int | None:
+    """Number of steps after which episodes are truncated; None if there is no such number of 32 bits."""
+    try:
+        steps = operator.index(getattr(spec, "max_episode_steps", None))  # type: ignore[arg-type]
+    except TypeError:
+        return None
+    return steps if 0 < steps < 1 << 32 else None
+
+
+def _step_seconds(frames_per_second: Any) -> float | None:
+    """Time of a step, s; None if the frames per second are no number that has one."""
+    try:
+        seconds = 1 / float(frames_per_second)
+    except (TypeError, ValueError, ArithmeticError):
+        return None
+    return seconds if 0 < seconds < math.inf else None
+
+
+def name_of(env: Any, spec: Any) -> str:
+    """The id of an environment or, if it has none, the name of its class."""
+    copies = getattr(env.unwrapped, "envs", None)
+    return str(spec.id) if spec is not None else type((copies[0] if copies else env).unwrapped).__name__
+
+
+def spec_of(env: Any) -> Any:
+    """The specification of a vector environment or, if it has none, of its first copy."""
+    copies = getattr(env.unwrapped, "envs", None)
+    return env.spec if env.spec is not None or not copies else copies[0].spec
+
+
+def task_of(env: Any) -> Any:
+    """The seedbed task of an environment, if no wrapper changes its observations."""
+    layers = [env]
+    while layers[-1] is not env.unwrapped:
+        layers.append(layers[-1].env)
+    task = getattr(layers[-1], "task", None)
+    if not all(hasattr(task, name) for name in ("observations", "actions", "time_limit")):
+        return None
+    is_changed = any(
+        layer.observation_space is not layers[-1].observation_space or layer.action_space is not layers[-1].action_space
+        for layer in layers
+    )
+    return None if is_changed else task
+
+
+def has_wrapper(env: Any, kind: type) -> bool:
+    """Whether one of the wrappers of an environment is of this kind."""
+    while env is not env.unwrapped:
+        if isinstance(env, kind):
+            return True
+        env = env.env
+    return False
