@@ -5,6 +5,7 @@
 
 mod catalogue;
 pub mod overrides;
+pub mod resolve;
 pub mod synonyms;
 mod threshold;
 
@@ -380,7 +381,7 @@ impl Scenario {
     }
 }
 
-impl overrides::Resolve for Scenario {
+impl resolve::Resolve for Scenario {
     fn resolved(&self) -> String {
         self.resolved()
     }

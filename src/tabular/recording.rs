@@ -6,7 +6,7 @@ use crate::record::{
     BonusRange, EpisodeRow, Focus, RecordError, Recorder, RecorderFactory, RecordingSettings,
     RoundRecord, RunInfo,
 };
-use crate::scenario::overrides::Resolve;
+use crate::scenario::resolve::Resolve;
 use seedbed_env::tabular::Model;
 use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
 use seedbed_learn::experience::Episode;

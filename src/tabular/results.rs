@@ -8,7 +8,7 @@ use super::scenario::TabularScenario;
 use super::team::{Episode, TabularTeam};
 use crate::run::folder::RunFolder;
 use crate::run::{self, RunError, files};
-use crate::scenario::overrides::Resolve;
+use crate::scenario::resolve::Resolve;
 
 /// Results of a finished run.
 #[derive(Clone, Debug, PartialEq)]

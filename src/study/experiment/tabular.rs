@@ -7,7 +7,7 @@ use crate::record::RecorderFactory;
 use crate::run::measures::diversity::{Diversity, divergence};
 use crate::run::stopping::with_grace;
 use crate::run::{Observer, Options, RunError};
-use crate::scenario::overrides::Resolve;
+use crate::scenario::resolve::Resolve;
 use crate::study::bench::{BenchReport, RegretReport};
 use crate::study::measure::{Curve, Measure, Needs};
 use crate::study::run_result::{Reservoir, RunResult};
