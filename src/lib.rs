@@ -8,18 +8,21 @@
 //!   → each agent's update → measures + state visitation → recorder (run.rrd, tables) → report
 //! ```
 //!
-//! Each module may depend on the modules to its right: [`study`] → [`tabular`] → [`run`]
-//! → [`scenario`] → [`record`] → [`learn`], [`figure`], [`stats`] → [`mod@env`]. `ARCHITECTURE.md`
+//! Each module may depend on the modules to its right: [`study`] → [`tabular`] → [`review`] → [`record`]
+//! → [`run`] → [`scenario`] → [`storage`], [`learn`], [`figure`], [`stats`] → [`mod@env`]. `ARCHITECTURE.md`
 //! describes all modules.
 
 pub mod explore;
 pub mod export;
 pub mod film;
 pub mod input_files;
+mod outline;
 pub mod plotting;
 pub mod record;
+pub mod review;
 pub mod run;
 pub mod scenario;
+pub mod storage;
 pub mod study;
 pub mod tabular;
 pub mod text;

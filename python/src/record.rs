@@ -2,5 +2,5 @@
 
 #[path = "../../src/record/framing.rs"]
 pub(crate) mod framing;
-#[path = "../../src/record/outline.rs"]
+#[path = "../../src/outline.rs"]
 pub(crate) mod outline;

@@ -7,8 +7,8 @@ use crate::film::drawing::points_and_thickness;
 use crate::film::{FilmError, evenly_spaced};
 use crate::record::RecordedScene;
 use crate::record::framing::{self, Bounds};
+use crate::review::LoadedRun;
 use crate::run::Plan;
-use crate::run::review::LoadedRun;
 use seedbed_env::{Pose, Scene, SceneRope};
 
 /// Maximum number of episodes of a run whose bodies are in the page.

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::record::{ReadError, RecordedEpisode, RecordedStates};
-use crate::run::review::selection::is_sampled;
+use crate::review::selection::is_sampled;
 use seedbed_env::{Quantity, Status};
 
 /// The visited states of a run, or an evenly spaced sample of them.

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::run_result::RunResult;
 use super::ties::is_above;
-pub use crate::record::metrics::Curve;
-use crate::record::metrics::{Range, RunKind};
+pub use crate::run::facts::metrics::Curve;
+use crate::run::facts::metrics::{Range, RunKind};
 use seedbed_input::numbers::{Count, ranged_count};
 use seedbed_stats::aggregate::{mean, median, quantile};
 use seedbed_stats::survival::TimeToEvent;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::measure::Curve;
 use crate::run::measures::RoundRows;
-use crate::run::trainer::Trainer;
+use crate::run::training::Trainer;
 use crate::scenario::{Rounding, Threshold};
 use seedbed_learn::experience::Episode;
 use seedbed_random::{Purpose, Stream, stream};

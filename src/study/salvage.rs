@@ -15,10 +15,11 @@ use super::result_file::StoredRun;
 use super::store::StudyFolder;
 use crate::record::recording::whole_length;
 use crate::record::state_files::{StateFiles, salvage as salvage_states};
-use crate::run::checkpoint;
-use crate::run::checksums::{Checksums, DamagedFile, FILE_NAME, NewChecksums, sha256};
-use crate::run::files;
-use crate::run::folder::RunFolder;
+use crate::run::folder::checkpoint;
+use crate::run::folder::checksums::{Checksums, DamagedFile, FILE_NAME, NewChecksums};
+use crate::run::folder::{RunFolder, is_state_file};
+use crate::storage::files;
+use crate::storage::hashes::sha256;
 use crate::text::pluralize;
 use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, MAX_SMALL_FILE_BYTES, read_bytes};
 
@@ -207,7 +208,7 @@ fn salvage_file(path: &Path, target: &Path, known: Option<&KnownSums>) -> io::Re
 }
 
 fn salvage_bytes(path: &Path, target: &Path, bytes: &[u8], contents: Contents) -> io::Result<Fate> {
-    if StateFiles::is_state_file(path) {
+    if is_state_file(path) {
         return states_of(path, target, contents);
     }
     let extension = path.extension().and_then(|extension| extension.to_str());

@@ -18,8 +18,9 @@ use super::run_checkpoint::{self, SavedProgress};
 use super::run_marks::{self, RunMark};
 use super::run_result::RunResult;
 use crate::input_files;
-use crate::run::file_lock::FileLock;
-use crate::run::{checksums, files};
+use crate::storage::file_lock::FileLock;
+use crate::storage::files;
+use crate::storage::hashes::sha256;
 use seedbed_env::Quantity;
 use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, MAX_SMALL_FILE_BYTES, read_bytes, read_text};
 
@@ -454,7 +455,7 @@ fn has_own_checksum(text: &str) -> Result<bool, String> {
     let sum = rest
         .strip_suffix(JSON_END)
         .and_then(|sum| sum.strip_suffix('"'));
-    if sum == Some(checksums::sha256(fields).as_str()) {
+    if sum == Some(sha256(fields).as_str()) {
         return Ok(true);
     }
     Err(
@@ -482,7 +483,7 @@ impl Manifest {
     pub(super) fn to_json(&self) -> String {
         let json = to_json(self);
         let fields = json.strip_suffix(JSON_END).unwrap_or(&json);
-        let sum = checksums::sha256(fields);
+        let sum = sha256(fields);
         format!("{fields}{CHECKSUM_FIELD}{sum}\"{JSON_END}")
     }
 

@@ -23,7 +23,7 @@ use super::registration::Lock;
 use super::results::Results;
 use super::{provenance, store};
 use crate::input_files::{self, Directory};
-use crate::run::files;
+use crate::storage::files;
 use seedbed_input::InputError;
 use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
 

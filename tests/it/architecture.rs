@@ -144,11 +144,12 @@ fn each_heavy_crate_is_used_in_one_folder_only() {
 
 /// The top modules of the workbench in layers. A module may use itself and modules of earlier
 /// layers.
-const LAYERS: [&[&str]; 9] = [
-    &["input_files", "plotting", "text"],
-    &["record"],
+const LAYERS: [&[&str]; 10] = [
+    &["input_files", "outline", "plotting", "storage", "text"],
     &["scenario"],
     &["run"],
+    &["record"],
+    &["review"],
     &["export", "film"],
     &["explore"],
     &["tabular"],
@@ -242,7 +243,7 @@ fn files_are_read_in_one_place() {
         // Files and folders that it writes.
         "src/record/rerun/serve.rs",
         "src/record/table.rs",
-        "src/run/files.rs",
+        "src/storage/files.rs",
     ];
     for (file, text) in source_files() {
         let code = text.split("#[cfg(test)]").next().unwrap();

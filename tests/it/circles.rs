@@ -8,7 +8,7 @@ use std::path::Path;
 use super::util::REPOSITORY;
 
 /// Folders with the modules that form a circle in them.
-const KNOWN_CIRCLES: [&str; 17] = [
+const KNOWN_CIRCLES: [&str; 15] = [
     "crates/seedbed-env/src/expression: compile, delimiters",
     "crates/seedbed-env/src/file: actuators, resolve, surfaces",
     "crates/seedbed-env/src/physics/contact: build, link, passage",
@@ -21,8 +21,6 @@ const KNOWN_CIRCLES: [&str; 17] = [
     "crates/seedbed-learn/src: agent, seed, team",
     "src/cli: merge, study, verify",
     "src/record/rerun: ropes, scene, terrain",
-    "src/run: checkpoint, checksums, folder, measures, overview, replay_file, review, round_recorder, summary, trainer",
-    "src/run: remote_steps, rollout",
     "src/study: bench, claims, completeness, cost, experiment, former_digests, gate, plan, published, registration, report, results, run_checkpoint, run_source, runner, scaling, shard, store",
     "src/study: comparison, measure, run_result, ties",
     "src/study: figure, file",

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use seedbed::env::TaskSpec;
-use seedbed::record::RecorderFactory;
+use seedbed::run::recorder::RecorderFactory;
 use seedbed::run::{Observer, Options, RunError};
 use seedbed::study::bench::BenchReport;
 use seedbed::study::experiment::{

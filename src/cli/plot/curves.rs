@@ -1,10 +1,10 @@
 //! Panels over episodes and rounds: returns, and the columns of `rounds.csv`.
 
 use super::PlottedRun;
-use seedbed::record::metrics::{Metric, Scope, round_metrics_in_display_order};
 use seedbed::record::state_files::Learners;
 use seedbed::run::Plan;
-use seedbed::run::summary::FINAL_WINDOW;
+use seedbed::run::facts::FINAL_WINDOW;
+use seedbed::run::facts::metrics::{Metric, Scope, round_metrics_in_display_order};
 use seedbed::study::measure::trailing_means;
 use seedbed::text::without_trailing_zeros;
 use seedbed_env::Quantity;

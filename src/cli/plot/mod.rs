@@ -17,11 +17,11 @@ use super::progress::ReadCounter;
 use super::{CliError, open_run, pluralize};
 use seedbed::record::visitation::Axes;
 use seedbed::record::{RecordedStates, common_axes};
-use seedbed::run::files;
+use seedbed::review::condition::Condition;
+use seedbed::review::selection::{EpisodeSelection, SelectedStates, StateSelection};
+use seedbed::review::{LoadRunError, LoadedRun};
 use seedbed::run::folder::run_folder;
-use seedbed::run::review::condition::Condition;
-use seedbed::run::review::selection::{EpisodeSelection, SelectedStates, StateSelection};
-use seedbed::run::review::{LoadRunError, LoadedRun};
+use seedbed::storage::files;
 use seedbed_figure::{Figure, Panel};
 
 #[derive(Debug, Args)]

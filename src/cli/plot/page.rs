@@ -2,7 +2,7 @@
 
 use super::states::{self, StateGroup};
 use super::{CliError, ColorBy, MAX_AGENT_PANELS, PlotArgs, PlotPart, PlottedRun, curves};
-use seedbed::run::review::selection::SelectedStates;
+use seedbed::review::selection::SelectedStates;
 use seedbed_figure::{Figure, Panel, Row};
 
 /// Page width in CSS pixels: two columns of a paper.

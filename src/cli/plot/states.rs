@@ -3,7 +3,7 @@
 use super::{ColorBy, PlotArgs, PlottedRun};
 use seedbed::plotting::axis_with_shares;
 use seedbed::record::visitation::{Unplaced, share_difference};
-use seedbed::run::review::selection::{GRID_CELLS, SelectedState, SelectedStates, is_sampled};
+use seedbed::review::selection::{GRID_CELLS, SelectedState, SelectedStates, is_sampled};
 use seedbed_env::{Quantity, Status};
 use seedbed_figure::color::{
     AGENT_COLORS, OTHERS_COLOR, agent_color, categorical_color, sequential_color,

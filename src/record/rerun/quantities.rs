@@ -13,7 +13,7 @@ use rerun::{AnyValues, ComponentIdentifier};
 
 use super::error::RecordingError;
 use super::rows::static_chunk;
-use crate::record::BonusRange;
+use crate::run::recorder::BonusRange;
 use seedbed_env::{Quantity, TaskSpec};
 
 pub(super) const ENTITY: &str = "/scenario/quantities";

@@ -14,7 +14,8 @@ use super::decode::Messages;
 use super::quantities::{self, Quantities};
 use super::rows::{EPISODE, ROUND};
 use crate::record::visitation::Axes;
-use crate::record::{BonusRange, ReadError, RecordedEpisode};
+use crate::record::{ReadError, RecordedEpisode};
+use crate::run::recorder::BonusRange;
 use seedbed_env::{Quantity, Status};
 
 /// An open recording: its properties, quantities and episodes.

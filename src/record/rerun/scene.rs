@@ -18,9 +18,9 @@ use super::ropes::RopeWriter;
 use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, static_chunk};
 use super::shapes::{hinge, lines_and_discs, rotation_of, translation_of};
 use super::terrain::TerrainWriter;
-use crate::record::BodyTrajectory;
 use crate::record::framing::{Bounds, episode_bounds};
 use crate::record::outline::{outline, scene_point};
+use crate::run::facts::BodyTrajectory;
 use seedbed_env::{Pose, Scene, SceneBody};
 use seedbed_figure::color::dark::agent_color;
 

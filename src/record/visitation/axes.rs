@@ -1,7 +1,8 @@
 //! Parallel coordinates: the position of a state on each axis.
 
 use super::{BINS, Unplaced, clamped, fraction};
-use crate::record::{AxisChoice, BonusRange};
+use crate::run::recorder::BonusRange;
+use crate::scenario::recording::AxisChoice;
 use seedbed_env::{Choice, Quantity, TaskSpec};
 use seedbed_learn::experience::{Episode, StepData};
 

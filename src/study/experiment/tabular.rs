@@ -3,9 +3,9 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{Experiment, RunControl, RunEnding, RunReport, StopRule};
-use crate::record::RecorderFactory;
+use crate::run::execution::stopping::with_grace;
 use crate::run::measures::diversity::{Diversity, divergence};
-use crate::run::stopping::with_grace;
+use crate::run::recorder::RecorderFactory;
 use crate::run::{Observer, Options, RunError};
 use crate::scenario::resolve::Resolve;
 use crate::study::bench::{BenchReport, RegretReport};

@@ -9,14 +9,16 @@ use super::{
     measure_one_by_one,
 };
 use crate::record::table::TableFiles;
-use crate::record::{EpisodeRow, RecorderFactory, RecordingSettings};
+use crate::run::execution::stopping::with_grace;
+use crate::run::facts::EpisodeRow;
+use crate::run::facts::{FINAL_WINDOW, Summary};
 use crate::run::folder::Contents;
 use crate::run::ranks::Ranks;
-use crate::run::shared_world::{SharedWorld, runs_per_world};
-use crate::run::stopping::with_grace;
-use crate::run::summary::{FINAL_WINDOW, Summary};
-use crate::run::trainer::{Diverged, Trainer};
+use crate::run::recorder::RecorderFactory;
+use crate::run::training::shared_world::{SharedWorld, runs_per_world};
+use crate::run::training::{Diverged, Trainer};
 use crate::run::{self, Observer, Options, Plan, RecorderFactories, RunError, RunOutcome};
+use crate::scenario::recording::RecordingSettings;
 use crate::scenario::{Scenario, Schedule};
 use crate::study::bench::{BenchReport, SolvingReport};
 use crate::study::measure::{Measure, Needs};

@@ -24,8 +24,8 @@ use seedbed_input::limits::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::run::checksums::sha256;
-use crate::run::files;
+use crate::storage::files;
+use crate::storage::hashes::sha256;
 use crate::study::claims::ClaimResult;
 use crate::study::completeness;
 use crate::study::measure::Measure;

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 
 use super::claims::ClaimResult;
 use super::results::Results;
-use crate::run::files;
+use crate::storage::files;
 use seedbed_figure::Figure;
 
 /// Number of PNG pixels per CSS pixel, along each side.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::plan::{TunedMethod, TuningPlan, configuration_name, ron_list, ron_text};
 use super::search::{Score, Search, Tried};
-use crate::run::files;
+use crate::storage::files;
 use crate::study::measure::Measure;
 use crate::study::report::{column, number};
 use crate::text::{align_columns, pluralize, spreadsheet_cell};
