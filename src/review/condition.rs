@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use crate::record::{RecordedEpisode, RecordedStates};
+use crate::run::facts::StateQuantity;
 
 /// A range of values of one quantity, such as `theta=-0.1..0.2`.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,29 +11,6 @@ pub struct Condition {
     quantity: StateQuantity,
     range: RangeInclusive<f64>,
 }
-
-/// A quantity of a state.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum StateQuantity {
-    Observation(usize),
-    Action(usize),
-    Reward,
-    IntrinsicReward,
-    Advantage,
-    Step,
-    Episode,
-    Return,
-}
-
-/// Names of quantities that every task has.
-const COMMON: [(&str, StateQuantity); 6] = [
-    ("reward", StateQuantity::Reward),
-    ("intrinsic reward", StateQuantity::IntrinsicReward),
-    ("advantage", StateQuantity::Advantage),
-    ("step", StateQuantity::Step),
-    ("episode", StateQuantity::Episode),
-    ("return", StateQuantity::Return),
-];
 
 impl Condition {
     /// Reads `NAME=LOW..HIGH`, in which one of both ends may be left out. If several quantities have a
@@ -70,71 +48,32 @@ impl Condition {
     /// quantity, such as the action of the last state, does not.
     #[must_use]
     pub fn is_met(&self, episode: &RecordedEpisode, step: usize) -> bool {
-        let value = self.quantity.value(episode, step);
+        let value = episode.value(self.quantity, step);
         value.is_some_and(|value| self.range.contains(&value))
     }
 }
 
 /// All quantities of a recording by name. A name of an observation comes before that of an action.
 fn quantities(recording: &RecordedStates) -> Vec<(String, StateQuantity)> {
-    let observations = recording.observations().iter().enumerate();
-    let observations =
-        observations.map(|(index, quantity)| (&quantity.name, StateQuantity::Observation(index)));
-    let actions = recording.actions().iter().enumerate();
-    let actions = actions.map(|(index, quantity)| (&quantity.name, StateQuantity::Action(index)));
-    let of_task = observations.chain(actions);
-    let of_task = of_task.map(|(name, quantity)| (name.clone(), quantity));
-    let common = COMMON.map(|(name, quantity)| (name.to_owned(), quantity));
-    of_task.chain(common).collect()
+    let of_task = StateQuantity::of_task(recording.observations(), recording.actions());
+    let of_task = of_task.map(|(quantity, named)| (named.name.clone(), quantity));
+    of_task.chain(of_all_tasks()).collect()
+}
+
+fn of_all_tasks() -> impl Iterator<Item = (String, StateQuantity)> {
+    let quantities = StateQuantity::OF_ALL_TASKS.into_iter();
+    quantities.map(|quantity| (quantity.title().to_owned(), quantity))
 }
 
 /// The quantity with a name or, if several have it, with its kind before the name, such as `action:x`.
 fn find(quantities: &[(String, StateQuantity)], name: &str) -> Option<StateQuantity> {
     let named = |(known, _): &&(String, StateQuantity)| known == name;
     let has_kind = |(known, quantity): &&(String, StateQuantity)| {
-        name.strip_prefix(quantity.kind()) == Some(&format!(":{known}"))
+        name.strip_prefix(quantity.key()) == Some(&format!(":{known}"))
     };
     let mut all = quantities.iter();
     let found = all.find(named).or_else(|| quantities.iter().find(has_kind));
     found.map(|(_, quantity)| *quantity)
-}
-
-impl StateQuantity {
-    /// The kind, as on axes of the page of `seedbed explore`.
-    fn kind(self) -> &'static str {
-        match self {
-            Self::Observation(_) => "observation",
-            Self::Action(_) => "action",
-            Self::Reward => "reward",
-            Self::IntrinsicReward => "intrinsic_reward",
-            Self::Advantage => "advantage",
-            Self::Step => "step",
-            Self::Episode => "episode",
-            Self::Return => "return",
-        }
-    }
-
-    fn value(self, episode: &RecordedEpisode, step: usize) -> Option<f64> {
-        let length = episode.length();
-        let single = match self {
-            Self::Observation(index) => {
-                let width = episode.observations.len() / (length + 1);
-                episode.observations.get(step * width + index)
-            }
-            Self::Action(index) => {
-                let width = episode.actions.len() / length.max(1);
-                episode.actions.get(step * width + index)
-            }
-            Self::Reward => episode.rewards.get(step),
-            Self::IntrinsicReward => episode.intrinsic_rewards.get(step),
-            Self::Advantage => episode.advantages.get(step),
-            Self::Step => return Some(step as f64),
-            Self::Episode => return Some(f64::from(episode.episode)),
-            // In single precision, as in the page of `seedbed explore`.
-            Self::Return => return Some(f64::from(episode.total_reward() as f32)),
-        };
-        single.map(|&value| f64::from(value))
-    }
 }
 
 #[cfg(test)]
@@ -187,7 +126,7 @@ mod tests {
             ("return".to_owned(), observed(1)),
             ("x".to_owned(), acted(0)),
         ];
-        quantities.extend(COMMON.map(|(name, quantity)| (name.to_owned(), quantity)));
+        quantities.extend(of_all_tasks());
         for (name, expected) in [
             ("x", Some(observed(0))),
             ("observation:x", Some(observed(0))),

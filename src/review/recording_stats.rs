@@ -7,7 +7,7 @@ use super::LoadedRun;
 use super::distribution::ValueDistribution;
 use super::selection::EpisodeSelection;
 use crate::record::{ReadError, RecordedEpisode, RecordedStates};
-use crate::run::facts::EpisodeRow;
+use crate::run::facts::{EpisodeRow, StateQuantity};
 use crate::run::measures::diversity::Diversity;
 use crate::run::measures::first_visits::FirstRounds;
 use crate::run::measures::recent::LatestVisits;
@@ -46,11 +46,9 @@ impl RecordingStats {
         mut on_episode: impl FnMut(&RecordedEpisode),
     ) -> Result<Self, ReadError> {
         let observations = recording.observations();
-        let intrinsic_reward = recording.bonus().max().map(|largest| Quantity {
-            name: "intrinsic reward".to_owned(),
-            unit: String::new(),
-            range: [0.0, if largest > 0.0 { largest } else { 1.0 }],
-        });
+        let intrinsic_reward = recording.bonus().scale_end();
+        let intrinsic_reward =
+            intrinsic_reward.map(|end| StateQuantity::IntrinsicReward.with_range([0.0, end]));
         let mut stats = Self {
             episodes: Vec::new(),
             visitation: Vec::new(),
@@ -63,11 +61,9 @@ impl RecordingStats {
                 .iter()
                 .map(ValueDistribution::new)
                 .collect(),
-            rewards: ValueDistribution::new(&Quantity {
-                name: "reward".to_owned(),
-                unit: String::new(),
-                range: [f32::NEG_INFINITY, f32::INFINITY],
-            }),
+            rewards: ValueDistribution::new(
+                &StateQuantity::Reward.with_range([f32::NEG_INFINITY, f32::INFINITY]),
+            ),
             intrinsic_rewards: intrinsic_reward.as_ref().map(ValueDistribution::new),
         };
         for episode in recording.episodes()? {

@@ -4,9 +4,11 @@
 pub mod metrics;
 mod returns;
 mod rows;
+mod state_quantity;
 mod summary;
 
 pub use self::metrics::RoundRow;
 pub use self::returns::FINAL_WINDOW;
 pub use self::rows::{BodyTrajectory, EpisodeRow};
+pub use self::state_quantity::StateQuantity;
 pub use self::summary::{SolvedAt, Summary};
