@@ -14,6 +14,7 @@
 
 pub mod explore;
 pub mod export;
+pub mod figures;
 pub mod film;
 pub mod input_files;
 mod outline;

@@ -150,7 +150,7 @@ const LAYERS: [&[&str]; 10] = [
     &["run"],
     &["record"],
     &["review"],
-    &["export", "film"],
+    &["export", "figures", "film"],
     &["explore"],
     &["tabular"],
     &["study"],

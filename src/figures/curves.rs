@@ -1,12 +1,12 @@
 //! Panels over episodes and rounds: returns, and the columns of `rounds.csv`.
 
-use super::PlottedRun;
-use seedbed::record::state_files::Learners;
-use seedbed::run::Plan;
-use seedbed::run::facts::FINAL_WINDOW;
-use seedbed::run::facts::metrics::{Metric, Scope, round_metrics_in_display_order};
-use seedbed::study::measure::trailing_means;
-use seedbed::text::without_trailing_zeros;
+use super::runs::PlottedRun;
+use crate::plotting::trailing_means;
+use crate::record::state_files::Learners;
+use crate::run::Plan;
+use crate::run::facts::FINAL_WINDOW;
+use crate::run::facts::metrics::{Metric, Scope, round_metrics_in_display_order};
+use crate::text::without_trailing_zeros;
 use seedbed_env::Quantity;
 use seedbed_figure::color::{AGENT_COLORS, OTHERS_COLOR, TEAM_COLOR, categorical_color};
 use seedbed_figure::{Color, Curves, Panel, Row, Series, Threshold};
@@ -186,8 +186,11 @@ fn threshold(run: &PlottedRun) -> Option<Threshold> {
 /// One panel per metric. A single run is drawn with one line per agent; several runs are drawn with
 /// one line each, the combined value of the team. Metrics that no run has, or that are always 0,
 /// are omitted.
-pub(super) fn metric_rows(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
-    let visits_are_comparable = have_same_axes(runs);
+pub(super) fn metric_rows(
+    runs: &[PlottedRun],
+    agents: &[u32],
+    visits_are_comparable: bool,
+) -> Vec<Row> {
     let rows = || runs.iter().flat_map(|run| &run.loaded_run.rounds);
     let is_shown = |metric: &&Metric| {
         let mut values = rows().filter_map(|row| metric.value(row));
@@ -211,16 +214,14 @@ pub(super) fn metric_rows(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
     panels.chunks(3).map(row_of).collect()
 }
 
-/// Whether measures of visits can be compared between runs: they count cells of the display ranges of
-/// observations. If the same observations have other ranges, a note says so.
-fn have_same_axes(runs: &[PlottedRun]) -> bool {
+/// What differs between runs, if measures of visits cannot be compared: they count cells of the display
+/// ranges of observations, and the same observations have other ranges.
+pub(super) fn other_ranges(runs: &[PlottedRun]) -> Option<String> {
     let with_observations: Vec<(&String, Vec<Quantity>)> = runs
         .iter()
         .filter_map(|run| Some((&run.label, observations(run)?)))
         .collect();
-    let Some(((first, observations), others)) = with_observations.split_first() else {
-        return true;
-    };
+    let ((first, observations), others) = with_observations.split_first()?;
     for (label, of_other) in others {
         let mut pairs = observations.iter().zip(of_other);
         let other_range = |(one, other): &(&Quantity, &Quantity)| {
@@ -231,15 +232,13 @@ fn have_same_axes(runs: &[PlottedRun]) -> bool {
                 let [low, high] = quantity.range;
                 format!("{low} to {high}")
             });
-            note!(
-                "note: coverage, evenness and effective agents are not drawn, because they are measured on other axes: \
-                 {} is {range} in {label}, and {range_of_first} in {first}",
+            return Some(format!(
+                "{} is {range} in {label}, and {range_of_first} in {first}",
                 one.name
-            );
-            return false;
+            ));
         }
     }
-    true
+    None
 }
 
 /// The observations of the recording or, without one, of the task; `None` if they are not known.

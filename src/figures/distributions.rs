@@ -3,7 +3,6 @@
 //! They show how to read parallel coordinates (Inselberg, "The plane with parallel coordinates",
 //! The Visual Computer 1, 1985): a point is a line, and points on a line cross at a common point.
 
-use clap::ValueEnum;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use seedbed_figure::color::sequential_color;
@@ -13,21 +12,21 @@ use seedbed_figure::{
 use seedbed_random::{Purpose, Stream, stream};
 
 /// A distribution of two quantities x and y, pure numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Distribution {
-    /// Independent standard normal x and y
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Distribution {
+    /// Independent standard normal x and y.
     Normal,
-    /// Standard normal x and y with correlation 0.95
+    /// Standard normal x and y with correlation 0.95.
     PositiveCorrelation,
-    /// Standard normal x and y with correlation -0.95
+    /// Standard normal x and y with correlation -0.95.
     NegativeCorrelation,
-    /// Uniform in the square from -2 to 2
+    /// Uniform in the square from -2 to 2.
     Square,
-    /// Two normal clusters around (-1.5, -1.5) and (1.5, 1.5), standard deviation 0.35
+    /// Two normal clusters around (-1.5, -1.5) and (1.5, 1.5), standard deviation 0.35.
     Clusters,
-    /// Uniform angle on a circle of radius 2, normal radius with standard deviation 0.1
+    /// Uniform angle on a circle of radius 2, normal radius with standard deviation 0.1.
     Ring,
-    /// Uniform x from -2 to 2, y = x² - 2 plus normal noise with standard deviation 0.1
+    /// Uniform x from -2 to 2, y = x² - 2 plus normal noise with standard deviation 0.1.
     Parabola,
 }
 
@@ -49,9 +48,10 @@ const COLUMNS: usize = 2;
 
 /// The figure of these distributions, or of all if there are none: two panels for each, with the
 /// same points in the same colors. A color is that of the value of x.
-pub(super) fn figure(distributions: &[Distribution]) -> Figure {
+#[must_use]
+pub fn figure(distributions: &[Distribution]) -> Figure {
     let distributions = match distributions {
-        [] => Distribution::value_variants(),
+        [] => Distribution::ALL,
         _ => distributions,
     };
     Figure {
@@ -83,6 +83,17 @@ fn row(distributions: &[Distribution]) -> Row {
 }
 
 impl Distribution {
+    /// All distributions.
+    pub const ALL: &[Self] = &[
+        Self::Normal,
+        Self::PositiveCorrelation,
+        Self::NegativeCorrelation,
+        Self::Square,
+        Self::Clusters,
+        Self::Ring,
+        Self::Parabola,
+    ];
+
     /// Name in the figure.
     fn name(self) -> &'static str {
         match self {
@@ -243,7 +254,7 @@ mod tests {
     #[test]
     fn all_points_are_within_the_axes() {
         let ends = RANGE.map(f64::from);
-        for distribution in Distribution::value_variants() {
+        for distribution in Distribution::ALL {
             let points = distribution.points();
             assert_eq!(points.len(), POINTS);
             let is_within = |value: &f64| (ends[0]..=ends[1]).contains(value);

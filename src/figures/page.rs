@@ -1,9 +1,13 @@
 //! Arranges the requested panels on a page.
 
+use super::FigureError;
+use super::curves;
+use super::runs::PlottedRun;
+use super::settings::{FigureSettings, Part};
 use super::states::{self, StateGroup};
-use super::{CliError, ColorBy, MAX_AGENT_PANELS, PlotArgs, PlotPart, PlottedRun, curves};
-use seedbed::review::selection::SelectedStates;
-use seedbed_figure::{Figure, Panel, Row};
+use crate::review::selection::SelectedStates;
+use crate::scenario::recording::ColorBy;
+use seedbed_figure::{Figure, Key, Panel, Row};
 
 /// Page width in CSS pixels: two columns of a paper.
 const WIDTH: f64 = 760.0;
@@ -11,89 +15,90 @@ const WIDTH: f64 = 760.0;
 /// Minimum width of an axis with its name, in CSS pixels.
 const MIN_AXIS_WIDTH: f64 = 62.0;
 
+/// Maximum number of agents that have a panel each, unless agents are chosen.
+const MAX_AGENT_PANELS: u32 = 8;
+
 /// The page to draw.
 pub(super) struct PlotPage<'a> {
-    pub(super) args: &'a PlotArgs,
+    pub(super) settings: &'a FigureSettings,
     pub(super) runs: &'a [PlottedRun],
 }
 
 impl PlotPage<'_> {
-    pub(super) fn figure(&self) -> Result<Figure, CliError> {
-        let args = self.args;
+    pub(super) fn figure(&self) -> Result<(Figure, Vec<String>), FigureError> {
+        let settings = self.settings;
         self.check_data()?;
-        let mut rows = Vec::new();
-        if args.shows(PlotPart::Visitation) {
+        let (mut rows, mut notes) = (Vec::new(), Vec::new());
+        if settings.shows(Part::Visitation) {
             rows.extend(self.visitation());
         }
-        if args.shows(PlotPart::Difference) {
+        if settings.shows(Part::Difference) {
             rows.extend(self.difference());
         }
         // By default, the density is omitted if it would show the same states as another panel: the
         // states of a single agent, or those of each of several runs.
-        let adds_density = args.what.contains(&PlotPart::Density)
+        let adds_density = settings.parts.contains(&Part::Density)
             || (self.runs.len() == 1 && self.runs[0].states.len() > 1);
-        if args.shows(PlotPart::Density) && adds_density {
+        if settings.shows(Part::Density) && adds_density {
             rows.extend(self.density());
         }
-        if args.shows(PlotPart::Scatter) {
+        if settings.shows(Part::Scatter) {
             rows.extend(self.scatter());
         }
-        if args.shows(PlotPart::Returns) {
-            rows.push(curves::returns_row(self.runs, &args.agents));
+        if settings.shows(Part::Returns) {
+            rows.push(curves::returns_row(self.runs, &settings.agents));
         }
-        if args.shows(PlotPart::Curves) {
-            rows.extend(curves::metric_rows(self.runs, &args.agents));
+        if settings.shows(Part::Curves) {
+            let other_ranges = curves::other_ranges(self.runs);
+            let are_comparable = other_ranges.is_none();
+            notes.extend(other_ranges.map(|difference| {
+                format!(
+                    "coverage, evenness and effective agents are not drawn, because they are measured on other axes: \
+                     {difference}"
+                )
+            }));
+            rows.extend(curves::metric_rows(
+                self.runs,
+                &settings.agents,
+                are_comparable,
+            ));
         }
-        Ok(Figure {
+        let figure = Figure {
             title: self.title(),
             description: self.description(),
             width: WIDTH,
             rows,
-        })
+        };
+        Ok((figure, notes))
     }
 
     /// Checks that the runs have the data for the requested panels.
-    fn check_data(&self) -> Result<(), CliError> {
-        let path_text = |run: &PlottedRun| run.loaded_run.path.display().to_string();
-        for run in self.runs {
-            if self.args.shows_states() && run.states.is_empty() {
-                return Err(CliError::Usage(format!(
-                    "{} has no episodes that match --agents and --episodes",
-                    path_text(run)
-                )));
+    fn check_data(&self) -> Result<(), FigureError> {
+        let settings = self.settings;
+        for PlottedRun {
+            loaded_run, states, ..
+        } in self.runs
+        {
+            let path = || loaded_run.path.clone();
+            if settings.shows_states() && states.is_empty() {
+                return Err(FigureError::NoEpisodes(path()));
             }
-            if self.args.what.contains(&PlotPart::Curves) && run.loaded_run.rounds.is_empty() {
-                return Err(CliError::Usage(format!(
-                    "{} has no rounds.csv, which --what curves needs",
-                    path_text(run)
-                )));
+            if settings.parts.contains(&Part::Curves) && loaded_run.rounds.is_empty() {
+                return Err(FigureError::NoRounds(path()));
             }
-            let count: u64 = run.states.iter().map(|states| states.count).sum();
-            if self.args.shows_states() && count == 0 {
-                return Err(CliError::Usage(format!(
-                    "{} has no states that meet --where",
-                    path_text(run)
-                )));
+            let count: u64 = states.iter().map(|states| states.count).sum();
+            if settings.shows_states() && count == 0 {
+                return Err(FigureError::NoStates(path()));
             }
-            if self.args.what.contains(&PlotPart::Difference)
-                && self.runs.len() == 1
-                && run.loaded_run.agent_count() < 2
-            {
-                return Err(CliError::Usage(format!(
-                    "--what difference: {} has one agent, which has no team to be compared with",
-                    path_text(run)
-                )));
+            let compares_with_team =
+                settings.parts.contains(&Part::Difference) && self.runs.len() == 1;
+            if compares_with_team && loaded_run.agent_count() < 2 {
+                return Err(FigureError::NoTeam(path()));
             }
-            let has_bonus = run
-                .loaded_run
-                .recording
-                .as_ref()
-                .is_some_and(|recording| recording.bonus().exists());
-            if self.args.color_by == Some(ColorBy::IntrinsicReward) && !has_bonus {
-                return Err(CliError::Usage(format!(
-                    "--colour intrinsic-reward: {} has no intrinsic rewards (its scenario has no `bonus`)",
-                    path_text(run)
-                )));
+            let recording = loaded_run.recording.as_ref();
+            let has_bonus = recording.is_some_and(|recording| recording.bonus().exists());
+            if settings.color_by == Some(ColorBy::IntrinsicReward) && !has_bonus {
+                return Err(FigureError::NoBonus(path()));
             }
         }
         Ok(())
@@ -102,10 +107,10 @@ impl PlotPage<'_> {
     fn title(&self) -> String {
         let selection: Vec<String> = [self.episode_range()]
             .into_iter()
-            .chain(self.args.conditions.iter().cloned())
+            .chain(self.settings.conditions.iter().cloned())
             .filter(|part| !part.is_empty())
             .collect();
-        let episodes = if selection.is_empty() || !self.args.shows_states() {
+        let episodes = if selection.is_empty() || !self.settings.shows_states() {
             String::new()
         } else {
             format!(": {}", selection.join(", "))
@@ -124,16 +129,16 @@ impl PlotPage<'_> {
         }
     }
 
-    /// Whether `--agents` was not given and some agents have no panel, because there are too many.
+    /// Whether no agents are chosen and some agents have no panel, because there are too many.
     fn omits_agents(&self, run: &PlottedRun) -> bool {
-        self.args.shows(PlotPart::Visitation)
-            && self.args.agents.is_empty()
+        self.settings.shows(Part::Visitation)
+            && self.settings.agents.is_empty()
             && run.states.len() > MAX_AGENT_PANELS as usize
     }
 
     /// The range of drawn episodes as text; empty for all episodes.
     fn episode_range(&self) -> String {
-        match &self.args.episodes {
+        match &self.settings.episodes {
             None => String::new(),
             Some(range) if range.end == u32::MAX => format!("episodes from {} on", range.start),
             Some(range) => format!("episodes {} to {}", range.start, range.end - 1),
@@ -162,11 +167,11 @@ impl PlotPage<'_> {
         format!("Concurrent agents in {}.{states}", runs.join(", "))
     }
 
-    /// One panel per agent; with several runs and without `--agents`, one panel per run.
+    /// One panel per agent; with several runs and without chosen agents, one panel per run.
     fn visitation(&self) -> Vec<Row> {
         let groups = self.visitation_groups();
         let columns = self.columns(groups.len());
-        let (panels, key) = states::lines_or_density(self.args, &groups);
+        let (panels, key) = states::lines_or_density(self.settings, &groups);
         layout_rows(panels, columns, 230.0, key.as_ref())
     }
 
@@ -183,7 +188,7 @@ impl PlotPage<'_> {
             return Vec::new();
         }
         let columns = self.columns(groups.len());
-        let (panels, key) = states::differences(self.args, &groups, &reference);
+        let (panels, key) = states::differences(self.settings, &groups, &reference);
         layout_rows(panels, columns, 230.0, Some(&key))
     }
 
@@ -206,7 +211,7 @@ impl PlotPage<'_> {
             .max()
             .unwrap_or(2);
         let fitting_columns = ((WIDTH - 90.0) / (MIN_AXIS_WIDTH * axes as f64)) as usize;
-        let max_columns = if self.runs.len() > 1 && !self.args.agents.is_empty() {
+        let max_columns = if self.runs.len() > 1 && !self.settings.agents.is_empty() {
             self.runs.len()
         } else {
             fitting_columns.clamp(1, 3)
@@ -216,21 +221,21 @@ impl PlotPage<'_> {
 
     /// Number of axes that a panel of the run draws.
     fn axis_count(&self, run: &PlottedRun) -> usize {
-        if self.args.axes.is_empty() {
+        if self.settings.axes.is_empty() {
             run.axes.as_ref().map_or(2, |axes| axes.all().len())
         } else {
-            self.args.axes.len()
+            self.settings.axes.len()
         }
     }
 
-    /// One group per agent; with several runs and without `--agents`, one group per run.
+    /// One group per agent; with several runs and without chosen agents, one group per run.
     fn visitation_groups(&self) -> Vec<StateGroup<'_>> {
         let has_several_runs = self.runs.len() > 1;
-        if has_several_runs && self.args.agents.is_empty() {
+        if has_several_runs && self.settings.agents.is_empty() {
             return self.team_groups();
         }
         let is_shown = |states: &&SelectedStates| {
-            !self.args.agents.is_empty() || states.agent < MAX_AGENT_PANELS
+            !self.settings.agents.is_empty() || states.agent < MAX_AGENT_PANELS
         };
         let agents: Vec<u32> = self.runs[0]
             .states
@@ -261,7 +266,7 @@ impl PlotPage<'_> {
 
     fn density(&self) -> Vec<Row> {
         let groups: Vec<StateGroup<'_>> = self.team_groups();
-        let (panels, key) = states::density(self.args, &groups);
+        let (panels, key) = states::density(self.settings, &groups);
         layout_rows(panels, self.runs.len().min(3), 230.0, key.as_ref())
     }
 
@@ -280,7 +285,7 @@ impl PlotPage<'_> {
     }
 
     fn scatter(&self) -> Vec<Row> {
-        let (panels, key) = states::scatter(self.args, &self.team_groups());
+        let (panels, key) = states::scatter(self.settings, &self.team_groups());
         let columns = if self.runs.len() > 1 {
             self.runs.len()
         } else {
@@ -298,12 +303,7 @@ fn balanced_columns(panels: usize, max_columns: usize) -> usize {
 }
 
 /// Arranges panels in rows, with the color key beside each row.
-fn layout_rows(
-    panels: Vec<Panel>,
-    columns: usize,
-    height: f64,
-    key: Option<&seedbed_figure::Key>,
-) -> Vec<Row> {
+fn layout_rows(panels: Vec<Panel>, columns: usize, height: f64, key: Option<&Key>) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut panels = panels.into_iter().peekable();
     while panels.peek().is_some() {

@@ -1,26 +1,16 @@
 //! `seedbed plot`: draws visited states and returns of one or more runs, or example distributions,
 //! as a figure.
 
-mod curves;
-mod distributions;
-mod page;
-mod states;
-
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use self::distributions::Distribution;
-use self::page::PlotPage;
 use super::progress::ReadCounter;
 use super::{CliError, open_run, pluralize};
-use seedbed::record::visitation::Axes;
-use seedbed::record::{RecordedStates, common_axes};
-use seedbed::review::condition::Condition;
-use seedbed::review::selection::{EpisodeSelection, SelectedStates, StateSelection};
-use seedbed::review::{LoadRunError, LoadedRun};
+use seedbed::figures::{FigureError, FigureSettings, Part, RunFigure, distributions};
 use seedbed::run::folder::run_folder;
+use seedbed::scenario::recording;
 use seedbed::storage::files;
 use seedbed_figure::{Figure, Panel};
 
@@ -126,33 +116,36 @@ enum ColorBy {
     IntrinsicReward,
 }
 
+/// An example distribution of two quantities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Distribution {
+    /// Independent standard normal x and y
+    Normal,
+    /// Standard normal x and y with correlation 0.95
+    PositiveCorrelation,
+    /// Standard normal x and y with correlation -0.95
+    NegativeCorrelation,
+    /// Uniform in the square from -2 to 2
+    Square,
+    /// Two normal clusters around (-1.5, -1.5) and (1.5, 1.5), standard deviation 0.35
+    Clusters,
+    /// Uniform angle on a circle of radius 2, normal radius with standard deviation 0.1
+    Ring,
+    /// Uniform x from -2 to 2, y = x² - 2 plus normal noise with standard deviation 0.1
+    Parabola,
+}
+
 /// Number of PNG pixels per CSS pixel, along each side.
 const PNG_SCALE: f64 = 2.0;
-
-/// Maximum number of agents that have a panel each, unless `--agents` is given.
-const MAX_AGENT_PANELS: u32 = 8;
-
-/// A run with the states to draw.
-struct PlottedRun {
-    /// Name of the run in the figure.
-    label: String,
-    loaded_run: LoadedRun,
-    /// Axes on which the states of all runs are drawn; `None` if no part shows states.
-    axes: Option<Axes>,
-    /// Selected states of each agent; empty if no part shows states.
-    states: Vec<SelectedStates>,
-    /// Selected states of all agents, if only some agents are drawn and are compared with all.
-    team: Vec<SelectedStates>,
-}
 
 pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.runs));
     let is_png = is_png(&out)?;
     let mut figure = if let Some(names) = &args.distributions {
-        distributions::figure(names)
+        let chosen: Vec<_> = names.iter().map(|&name| name.into()).collect();
+        distributions::figure(&chosen)
     } else {
-        let runs = read_runs(args)?;
-        PlotPage { args, runs: &runs }.figure()?
+        figure_of_runs(args)?
     };
     if let Some([width, height]) = args.size {
         figure.resize(width, height);
@@ -199,192 +192,98 @@ fn is_png(out: &Path) -> Result<bool, CliError> {
     }
 }
 
-fn read_runs(args: &PlotArgs) -> Result<Vec<PlottedRun>, CliError> {
+/// Reads and draws the runs.
+fn figure_of_runs(args: &PlotArgs) -> Result<Figure, CliError> {
+    let opened = args.runs.iter().map(|path| open_run(path));
+    let opened = opened.collect::<Result<Vec<_>, _>>()?;
     let counter = ReadCounter::new("episodes read");
-    let opened: Vec<LoadedRun> = args
-        .runs
-        .iter()
-        .map(|path| open_run(path))
-        .collect::<Result<_, _>>()?;
-    let axes = args
-        .shows_states()
-        .then(|| axes_of_all(&opened))
-        .transpose()?;
-    let mut runs: Vec<PlottedRun> = opened
-        .into_iter()
-        .map(|run| read_run(args, run, axes.as_ref(), &counter))
-        .collect::<Result<_, _>>()?;
-    let names: Vec<String> = runs.iter().map(|run| run.label.clone()).collect();
-    for run in &mut runs {
-        // Runs with the same name are labeled with their paths.
-        if names.iter().filter(|name| **name == run.label).count() > 1 {
-            run.label = run.loaded_run.path.display().to_string();
-        }
+    let figure = RunFigure::read(args.settings(), opened, &mut || counter.count());
+    let drawn = figure.and_then(|figure| figure.draw());
+    let (figure, notes) = drawn.map_err(usage_error)?;
+    for text in notes {
+        note!("note: {text}");
     }
-    Ok(runs)
+    Ok(figure)
 }
 
-/// The axes on which the states of all runs are drawn.
-fn axes_of_all(runs: &[LoadedRun]) -> Result<Axes, CliError> {
-    let recording = |run| -> Result<_, CliError> { Ok((path_text(run), recording_of(run)?)) };
-    let recordings = runs.iter().map(recording).collect::<Result<Vec<_>, _>>()?;
-    common_axes(&recordings).map_err(|reason| {
-        CliError::Usage(format!(
-            "{reason}, or only what has no axes: --what returns,curves"
-        ))
-    })
-}
-
-/// The recording of a run; an error if there is none, because states are to be drawn.
-fn recording_of(run: &LoadedRun) -> Result<&RecordedStates, CliError> {
-    run.recording.as_ref().ok_or_else(|| {
-        let advice = "use --what returns,curves, which needs only the tables";
-        CliError::Usage(format!(
-            "{} has no recording, which is needed to draw states; {advice}",
-            path_text(run)
-        ))
-    })
-}
-
-fn path_text(run: &LoadedRun) -> String {
-    run.path.display().to_string()
-}
-
-fn read_run(
-    args: &PlotArgs,
-    mut loaded_run: LoadedRun,
-    axes: Option<&Axes>,
-    counter: &ReadCounter,
-) -> Result<PlottedRun, CliError> {
-    if loaded_run.folder.is_none() {
-        // Without tables, the returns are taken from the recording.
-        loaded_run
-            .compute_stats(&EpisodeSelection::all(), |_| counter.count())
-            .map_err(LoadRunError::from)?;
-    }
-    let agent_count = loaded_run.agent_count() as u32;
-    if let Some(agent) = args.agents.iter().find(|agent| **agent >= agent_count) {
-        let last = agent_count.saturating_sub(1);
-        return Err(CliError::Usage(format!(
-            "--agents: no agent {agent} in {}; expected 0 to {last}",
-            path_text(&loaded_run)
-        )));
-    }
-    let states = match (&loaded_run.recording, axes) {
-        (Some(recording), Some(axes)) => {
-            let selection = args.state_selection(recording, axes)?;
-            selection
-                .select(recording, |_| counter.count())
-                .map_err(LoadRunError::from)?
+/// The error with the options that it is about.
+fn usage_error(error: FigureError) -> CliError {
+    let reason = error.to_string();
+    CliError::Usage(match error {
+        FigureError::NotRecorded(_) => {
+            format!("{reason}; use --what returns,curves, which needs only the tables")
         }
-        _ => Vec::new(),
-    };
-    let team = match (&loaded_run.recording, axes) {
-        (Some(recording), Some(axes)) if args.compares_agents_with_team() => {
-            let mut selection = args.state_selection(recording, axes)?;
-            selection.episodes.agents.clear();
-            selection.sample_size = 0;
-            selection
-                .select(recording, |_| counter.count())
-                .map_err(LoadRunError::from)?
+        FigureError::OtherAxes(_) => {
+            format!("{reason}, or only what has no axes: --what returns,curves")
         }
-        _ => Vec::new(),
-    };
-    Ok(PlottedRun {
-        label: loaded_run.name(),
-        loaded_run,
-        axes: axes.cloned(),
-        states,
-        team,
+        FigureError::NoAgent { .. } => format!("--agents: {reason}"),
+        FigureError::NoAxis { .. } | FigureError::TooFewAxes => format!("--axes: {reason}"),
+        FigureError::Condition { .. } => format!("--where {reason}"),
+        FigureError::NoEpisodes(run) => format!(
+            "{} has no episodes that match --agents and --episodes",
+            run.display()
+        ),
+        FigureError::NoStates(run) => {
+            format!("{} has no states that meet --where", run.display())
+        }
+        FigureError::NoRounds(_) => format!("{reason}, which --what curves needs"),
+        FigureError::NoTeam(_) => format!("--what difference: {reason}"),
+        FigureError::NoBonus(_) => format!("--colour intrinsic-reward: {reason}"),
+        FigureError::Run(_) => reason,
     })
 }
 
 impl PlotArgs {
-    fn shows(&self, part: PlotPart) -> bool {
-        let default_parts = [
-            PlotPart::Visitation,
-            PlotPart::Difference,
-            PlotPart::Density,
-            PlotPart::Returns,
-        ];
-        let parts = if self.what.is_empty() {
-            &default_parts[..]
-        } else {
-            &self.what
-        };
-        parts.contains(&part) || parts.contains(&PlotPart::All)
-    }
-
-    /// Whether chosen agents are compared with all agents of their run.
-    fn compares_agents_with_team(&self) -> bool {
-        self.shows(PlotPart::Difference) && self.runs.len() == 1 && !self.agents.is_empty()
-    }
-
-    fn shows_states(&self) -> bool {
-        let parts = [
-            PlotPart::Visitation,
-            PlotPart::Difference,
-            PlotPart::Density,
-            PlotPart::Scatter,
-        ];
-        parts.into_iter().any(|part| self.shows(part))
-    }
-
-    /// Indices of the selected axes among all axes of the recording.
-    fn axis_indices(&self, axes: &Axes) -> Result<Vec<usize>, CliError> {
-        let names: Vec<&str> = axes
-            .all()
-            .iter()
-            .map(|axis| axis.quantity.name.as_str())
-            .collect();
-        if self.axes.is_empty() {
-            return Ok((0..names.len()).collect());
+    fn settings(&self) -> FigureSettings {
+        FigureSettings {
+            parts: self.what.iter().map(|&part| part.into()).collect(),
+            agents: self.agents.clone(),
+            episodes: self.episodes.clone(),
+            conditions: self.conditions.clone(),
+            axes: self.axes.clone(),
+            color_by: self.color_by.map(Into::into),
+            max_lines: self.lines,
         }
-        let axis_index = |name: &String| {
-            let index = names.iter().position(|axis_name| axis_name == name);
-            index.ok_or_else(|| {
-                CliError::Usage(format!(
-                    "--axes: no axis `{name}`; expected {}",
-                    names.join(", ")
-                ))
-            })
-        };
-        let axis_indices: Vec<usize> =
-            self.axes.iter().map(axis_index).collect::<Result<_, _>>()?;
-        if axis_indices.len() < 2 {
-            return Err(CliError::Usage(
-                "--axes: expected at least two axes".to_owned(),
-            ));
+    }
+}
+
+impl From<PlotPart> for Part {
+    fn from(part: PlotPart) -> Self {
+        match part {
+            PlotPart::Visitation => Self::Visitation,
+            PlotPart::Density => Self::Density,
+            PlotPart::Difference => Self::Difference,
+            PlotPart::Returns => Self::Returns,
+            PlotPart::Curves => Self::Curves,
+            PlotPart::Scatter => Self::Scatter,
+            PlotPart::All => Self::All,
         }
-        Ok(axis_indices)
     }
+}
 
-    fn conditions(&self, recording: &RecordedStates) -> Result<Vec<Condition>, CliError> {
-        let condition = |text: &String| {
-            Condition::parse(text, recording)
-                .map_err(|message| CliError::Usage(format!("--where {text}: {message}")))
-        };
-        self.conditions.iter().map(condition).collect()
+impl From<ColorBy> for recording::ColorBy {
+    fn from(color_by: ColorBy) -> Self {
+        match color_by {
+            ColorBy::Agent => Self::Agent,
+            ColorBy::Episode => Self::Episode,
+            ColorBy::Return => Self::Return,
+            ColorBy::Outcome => Self::Outcome,
+            ColorBy::IntrinsicReward => Self::IntrinsicReward,
+        }
     }
+}
 
-    fn state_selection(
-        &self,
-        recording: &RecordedStates,
-        axes: &Axes,
-    ) -> Result<StateSelection, CliError> {
-        let all_axes = axes.clone();
-        let axes = self.axis_indices(axes)?;
-        Ok(StateSelection {
-            episodes: EpisodeSelection {
-                agents: self.agents.clone(),
-                episodes: self.episodes.clone().unwrap_or(0..u32::MAX),
-            },
-            conditions: self.conditions(recording)?,
-            sample_size: self.lines as usize,
-            pairs: states::axis_pairs(&axes),
-            axes,
-            all_axes,
-        })
+impl From<Distribution> for distributions::Distribution {
+    fn from(distribution: Distribution) -> Self {
+        match distribution {
+            Distribution::Normal => Self::Normal,
+            Distribution::PositiveCorrelation => Self::PositiveCorrelation,
+            Distribution::NegativeCorrelation => Self::NegativeCorrelation,
+            Distribution::Square => Self::Square,
+            Distribution::Clusters => Self::Clusters,
+            Distribution::Ring => Self::Ring,
+            Distribution::Parabola => Self::Parabola,
+        }
     }
 }
 
