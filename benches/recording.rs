@@ -3,7 +3,8 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use seedbed::record::rerun::RerunRecorder;
-use seedbed::record::{Recorder, RecordingSettings};
+use seedbed::run::recorder::Recorder;
+use seedbed::scenario::recording::RecordingSettings;
 
 #[allow(
     clippy::struct_field_names,

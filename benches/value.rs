@@ -6,8 +6,8 @@ use std::path::Path;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use seedbed::run::Plan;
-use seedbed::run::rollout::RoundPlan;
-use seedbed::run::trainer::Trainer;
+use seedbed::run::training::RoundPlan;
+use seedbed::run::training::Trainer;
 
 criterion_group!(benches, acting, learning);
 criterion_main!(benches);

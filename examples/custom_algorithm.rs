@@ -18,7 +18,7 @@ use seedbed::learn::experience::{Episode, Experience};
 use seedbed::learn::nn::Tensor;
 use seedbed::learn::team::{IndependentLearners, LearningTiming, TeamContext};
 use seedbed::random::{Purpose, Stream, stream};
-use seedbed::run::trainer::{Trainer, TrainingSettings};
+use seedbed::run::training::{Trainer, TrainingSettings};
 
 /// An agent with a linear policy for two actions, and the best weights that it has found so far.
 struct HillClimber {

@@ -11,7 +11,7 @@ use seedbed::learn::agent::TeamConfig;
 use seedbed::learn::algorithms::Algorithm;
 use seedbed::learn::team::{LearningTiming, TeamContext};
 use seedbed::random::Stream;
-use seedbed::run::trainer::{Trainer, TrainingSettings};
+use seedbed::run::training::{Trainer, TrainingSettings};
 
 /// Copies of the environment, each a line with one walker.
 struct Line {

@@ -6,7 +6,7 @@ use std::error::Error;
 use std::path::Path;
 
 use seedbed::run::Plan;
-use seedbed::run::trainer::Trainer;
+use seedbed::run::training::Trainer;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let overrides = ["stop=Episodes(100)".to_owned()];

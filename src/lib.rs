@@ -8,21 +8,24 @@
 //!   → each agent's update → measures + state visitation → recorder (run.rrd, tables) → report
 //! ```
 //!
-//! Each module may depend on the modules to its right: [`study`] → [`experiment`] → [`tabular`] → [`run`]
-//! → [`scenario`] → [`record`] → [`learn`], [`figure`], [`stats`] → [`mod@env`]. `ARCHITECTURE.md`
+//! Each module may depend on the modules to its right: [`study`] → [`experiment`] → [`tabular`] → [`review`]
+//! → [`record`] → [`run`] → [`scenario`] → [`storage`], [`learn`], [`figure`], [`stats`] → [`mod@env`]. `ARCHITECTURE.md`
 //! describes all modules.
 
 pub mod experiment;
 pub mod explore;
 pub mod export;
+pub mod figures;
 pub mod film;
 pub mod input_files;
 pub mod plotting;
 pub mod provenance;
 pub mod record;
+pub mod review;
 pub mod run;
 pub mod salvage;
 pub mod scenario;
+pub mod storage;
 pub mod study;
 pub mod tabular;
 pub mod text;

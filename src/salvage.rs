@@ -12,10 +12,12 @@ use std::path::{Path, PathBuf};
 
 use crate::record::recording::whole_length;
 use crate::record::state_files::{StateFiles, salvage as salvage_states};
-use crate::run::checkpoint;
-use crate::run::checksums::{Checksums, DamagedFile, FILE_NAME, NewChecksums, sha256};
-use crate::run::files;
 use crate::run::folder::RunFolder;
+use crate::run::folder::checkpoint;
+use crate::run::folder::checksums::{Checksums, DamagedFile, FILE_NAME, NewChecksums};
+use crate::run::folder::is_state_file;
+use crate::storage::files;
+use crate::storage::hashes::sha256;
 use crate::study::evaluate::published;
 use crate::study::store::StudyFolder;
 use crate::study::store::result_file::StoredRun;
@@ -207,7 +209,7 @@ fn salvage_file(path: &Path, target: &Path, known: Option<&KnownSums>) -> io::Re
 }
 
 fn salvage_bytes(path: &Path, target: &Path, bytes: &[u8], contents: Contents) -> io::Result<Fate> {
-    if StateFiles::is_state_file(path) {
+    if is_state_file(path) {
         return states_of(path, target, contents);
     }
     let extension = path.extension().and_then(|extension| extension.to_str());

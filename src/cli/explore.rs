@@ -7,8 +7,8 @@ use clap::Args;
 use super::progress::ReadCounter;
 use super::{CliError, open_run, pluralize};
 use seedbed::explore::{DEFAULT_MAX_STATES, ExploreError, Explorer};
-use seedbed::run::files;
-use seedbed::run::review::LoadedRun;
+use seedbed::review::LoadedRun;
+use seedbed::storage::files;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:

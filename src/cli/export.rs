@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use super::progress::ReadCounter;
 use super::{CliError, pluralize, print_warnings};
 use seedbed::export::{self, Content, ExportError, Format, tensorboard};
-use seedbed::run::review::LoadedRun;
+use seedbed::review::LoadedRun;
 
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("target").required(true).args(["to", "tensorboard"]))]

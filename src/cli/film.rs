@@ -10,7 +10,7 @@ use super::progress::{ReadCounter, episode_bar};
 use super::{CliError, open_run, pluralize};
 use seedbed::film::gif::GifWriter;
 use seedbed::film::{Film, FilmError, FilmSettings};
-use seedbed::run::files::{self, Replacement};
+use seedbed::storage::files::{self, Replacement};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:

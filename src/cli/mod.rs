@@ -53,10 +53,10 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use seedbed::experiment::LoadError;
 use seedbed::record::LiveError;
 use seedbed::record::recording::DEFAULT_VIEWER;
+use seedbed::review::{LoadRunError, LoadedRun};
 use seedbed::run::RunError;
-use seedbed::run::checksums::Checksums;
 use seedbed::run::folder::RunFolder;
-use seedbed::run::review::{LoadRunError, LoadedRun};
+use seedbed::run::folder::checksums::Checksums;
 use seedbed::text::{pluralize, terminal};
 use seedbed_input::InputError;
 

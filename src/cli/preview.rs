@@ -6,9 +6,10 @@ use super::run::recorder_factory_at;
 use super::{CliError, PreviewArgs, film, pluralize};
 use seedbed::film::{Film, FilmSettings, Filmed};
 use seedbed::input_files::{self, Directory};
-use seedbed::record::{EpisodeRow, RecordedStates};
+use seedbed::record::RecordedStates;
+use seedbed::review::LoadRunError;
+use seedbed::run::facts::EpisodeRow;
 use seedbed::run::preview;
-use seedbed::run::review::LoadRunError;
 use seedbed_env::{Physics, TaskDescription};
 use seedbed_input::numbers::Count;
 

@@ -11,11 +11,11 @@ use super::{CliError, RunArgs, pluralize, ranks, warning_without_locks};
 use seedbed::experiment::{self, Experiment, RunEnding, RunReport};
 use seedbed::input_files::{self, Directory};
 use seedbed::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
-use seedbed::record::{Attempt, RecorderFactory};
-use seedbed::run::file_lock::FileLock;
 use seedbed::run::folder::{Contents, RunFolder};
 use seedbed::run::ranks::{Exchanged, Ranks, exchanged};
+use seedbed::run::recorder::{Attempt, RecorderFactory};
 use seedbed::run::{Observer, Options, RunError};
+use seedbed::storage::file_lock::FileLock;
 use seedbed::text::shell_word;
 
 pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {

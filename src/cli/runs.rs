@@ -9,7 +9,7 @@ use jiff::{Timestamp, Unit, tz::TimeZone};
 use serde::Serialize;
 
 use super::{CliError, pluralize};
-use seedbed::run::overview::{self, RunOverview, RunState};
+use seedbed::review::overview::{self, RunOverview, RunState};
 use seedbed::text::{align_columns, terminal_line, without_trailing_zeros};
 
 #[derive(Debug, Args)]

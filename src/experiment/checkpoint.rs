@@ -24,10 +24,10 @@ use xxhash_rust::xxh64::Xxh64;
 use crate::experiment::run_result::MeasuredRun;
 use crate::experiment::shown_digits;
 use crate::provenance::{self, BuildId};
-use crate::run::checkpoint_schedule::CheckpointSchedule;
-use crate::run::files::Replacement;
-use crate::run::sealed::{self, Format, SealError};
-use crate::run::trainer::Trainer;
+use crate::run::execution::checkpoint_schedule::CheckpointSchedule;
+use crate::run::training::Trainer;
+use crate::storage::files::Replacement;
+use crate::storage::sealed::{self, Format, SealError};
 use seedbed_input::limits::open_regular;
 use seedbed_learn::experience::replay::Replay;
 

@@ -7,7 +7,8 @@ use super::Experiment;
 use crate::input_files;
 use crate::run::{Plan, folder};
 use crate::scenario;
-use crate::scenario::overrides::{self, Resolve};
+use crate::scenario::overrides;
+use crate::scenario::resolve::Resolve;
 use crate::tabular::{TabularPlan, TabularScenario};
 use seedbed_input::{Document, FileKind, InputError};
 

@@ -5,8 +5,9 @@ use std::ops::Not;
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::run_result::RunResult;
-pub use crate::record::metrics::Curve;
-use crate::record::metrics::{Range, RunKind};
+pub use crate::plotting::trailing_means;
+pub use crate::run::facts::metrics::Curve;
+use crate::run::facts::metrics::{Range, RunKind};
 use crate::scenario::Rounding;
 use seedbed_input::numbers::{Count, ranged_count};
 use seedbed_stats::aggregate::{mean, median, quantile};
@@ -437,16 +438,6 @@ fn moving_average(values: &[f64], window: usize) -> Vec<f64> {
     values.windows(window.max(1)).map(mean).collect()
 }
 
-/// Mean of each value and of the values before it, of at most `window` values: `[n]` → `[n]`
-///
-/// The window grows at the beginning, so that the first values are not lost.
-#[must_use]
-pub fn trailing_means(values: &[f64], window: usize) -> Vec<f64> {
-    let window = window.max(1);
-    let trailing_mean = |last: usize| mean(&values[(last + 1).saturating_sub(window)..=last]);
-    (0..values.len()).map(trailing_mean).collect()
-}
-
 /// Mean over episodes of a statistic over agents of the moving averages of their returns.
 fn mean_over_agents_statistic(
     run: &RunResult,
@@ -490,17 +481,6 @@ fn is_above(value: f64, limit: f64) -> bool {
 mod tests {
     use super::*;
     use seedbed_input::numbers::ranged_count;
-
-    /// Two episodes of five agents: returns 0 to 4, then 0 to 8. Their 75th percentiles are 3 and 6,
-    /// their standard deviations √2 and 2√2.
-    #[test]
-    fn windows_of_trailing_means_grow_at_the_beginning() {
-        let values = [4.0, 2.0, 6.0, 1.0];
-        assert_eq!(trailing_means(&values, 3), [4.0, 3.0, 4.0, 3.0]);
-        assert_eq!(trailing_means(&values, 1), values);
-        assert_eq!(trailing_means(&values, 9), [4.0, 3.0, 4.0, 3.25]);
-        assert!(trailing_means(&[], 3).is_empty());
-    }
 
     /// Five episodes with returns 1 to 5: their mean is 3, that of the last two 4.5.
     #[test]

@@ -4,9 +4,9 @@
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use crate::record::metrics::Curve;
+use crate::run::facts::metrics::Curve;
 use crate::run::measures::RoundRows;
-use crate::run::trainer::Trainer;
+use crate::run::training::Trainer;
 use crate::scenario::{Rounding, Threshold};
 use seedbed_learn::experience::Episode;
 use seedbed_random::{Purpose, Stream, stream};

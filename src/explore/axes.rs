@@ -1,19 +1,26 @@
 //! The axes of a page, which all its runs share.
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
-use super::states::{Kind, RunStates, StateColumn};
+use super::states::{RunStates, StateColumn};
+use crate::run::facts::StateQuantity;
 
 /// One axis of the page.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct AxisData {
     name: String,
     unit: String,
-    kind: Kind,
+    #[serde(rename = "kind", serialize_with = "key")]
+    source: StateQuantity,
     low: f64,
     high: f64,
     /// Whether the axis is shown at first.
     shown: bool,
+}
+
+/// Writes the kind of a quantity.
+fn key<S: Serializer>(source: &StateQuantity, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(source.key())
 }
 
 /// Maximum number of observations that are shown at first.
@@ -30,23 +37,26 @@ impl AxisData {
 
     /// Index of the column of a run that the axis shows; `None` for axes of episodes.
     pub(super) fn column_of(&self, states: &RunStates) -> Option<usize> {
-        let quantity = |column: &StateColumn| {
-            (column.kind, &column.quantity.name, &column.quantity.unit) == self.key()
+        let is_shown = |column: &StateColumn| {
+            let StateColumn {
+                quantity, source, ..
+            } = column;
+            (source.key(), &quantity.name, &quantity.unit) == self.key()
         };
-        states.columns.iter().position(quantity)
+        states.columns.iter().position(is_shown)
     }
 
     /// What tells axes apart. Values in other units are on axes of their own.
-    fn key(&self) -> (Kind, &String, &String) {
-        (self.kind, &self.name, &self.unit)
+    fn key(&self) -> (&'static str, &String, &String) {
+        (self.source.key(), &self.name, &self.unit)
     }
 
-    fn of_episodes(name: &str, kind: Kind, values: impl Iterator<Item = f64>) -> Self {
+    fn of_episodes(quantity: StateQuantity, values: impl Iterator<Item = f64>) -> Self {
         let [low, high] = not_empty(extent(values));
         Self {
-            name: name.to_owned(),
+            name: quantity.title().to_owned(),
             unit: String::new(),
-            kind,
+            source: quantity,
             low,
             high,
             shown: true,
@@ -54,7 +64,7 @@ impl AxisData {
     }
 }
 
-/// The axes of all columns of all runs, in the order of [`Kind`], and those of episodes.
+/// The axes of all columns of all runs, in the order of [`StateQuantity`], and those of episodes.
 pub(super) fn common_axes(runs: &[&RunStates]) -> Vec<AxisData> {
     let mut axes: Vec<AxisData> = Vec::new();
     for column in runs.iter().flat_map(|run| &run.columns) {
@@ -67,40 +77,47 @@ pub(super) fn common_axes(runs: &[&RunStates]) -> Vec<AxisData> {
             None => axes.push(axis),
         }
     }
-    axes.sort_by_key(|axis| axis.kind);
+    axes.sort_by_key(|axis| axis.source.order());
     for axis in &mut axes {
         axis.shown &= axis.low < axis.high;
         [axis.low, axis.high] = not_empty([axis.low, axis.high]);
     }
-    show_first(&mut axes, Kind::Observation, MAX_SHOWN_OBSERVATIONS);
-    show_first(&mut axes, Kind::Action, MAX_SHOWN_ACTIONS);
+    show_first(
+        &mut axes,
+        StateQuantity::Observation(0),
+        MAX_SHOWN_OBSERVATIONS,
+    );
+    show_first(&mut axes, StateQuantity::Action(0), MAX_SHOWN_ACTIONS);
     let episodes = || runs.iter().flat_map(|run| &run.episodes);
     let numbers = episodes().map(|episode| f64::from(episode.episode));
-    axes.push(AxisData::of_episodes("episode", Kind::Episode, numbers));
+    axes.push(AxisData::of_episodes(StateQuantity::Episode, numbers));
     let returns = episodes().map(|episode| f64::from(episode.r#return as f32));
-    axes.push(AxisData::of_episodes("return", Kind::Return, returns));
+    axes.push(AxisData::of_episodes(StateQuantity::Return, returns));
     axes
 }
 
 /// The axis of one column. The range of a quantity without a range is that of its values.
 fn axis_of(column: &StateColumn) -> AxisData {
     let quantity = &column.quantity;
-    let [low, high] = match column.kind {
-        Kind::Observation | Kind::Action => quantity.range.map(f64::from),
+    let [low, high] = match column.source {
+        StateQuantity::Observation(_) | StateQuantity::Action(_) => quantity.range.map(f64::from),
         _ => extent(column.values.iter().map(|&value| f64::from(value))),
     };
     AxisData {
         name: quantity.name.clone(),
         unit: quantity.unit.clone(),
-        kind: column.kind,
+        source: column.source,
         low,
         high,
         shown: true,
     }
 }
 
-fn show_first(axes: &mut [AxisData], kind: Kind, count: usize) {
-    let of_kind = axes.iter_mut().filter(|axis| axis.kind == kind);
+/// Shows only the first axes of the kind of a quantity.
+fn show_first(axes: &mut [AxisData], kind: StateQuantity, count: usize) {
+    let of_kind = axes
+        .iter_mut()
+        .filter(|axis| axis.source.order() == kind.order());
     of_kind.skip(count).for_each(|axis| axis.shown = false);
 }
 

@@ -25,7 +25,7 @@ use self::scenes::{FilmData, Filmed};
 use self::states::{FilmedStates, RunStates, StateColumn};
 use crate::film::FilmError;
 use crate::record::common_axes;
-use crate::run::review::LoadedRun;
+use crate::review::LoadedRun;
 use seedbed_env::Status;
 
 pub use self::samples::{SampledEpisode, StateSample};

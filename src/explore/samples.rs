@@ -4,8 +4,9 @@
 use std::path::PathBuf;
 
 use super::axes::common_axes;
-use super::states::{EpisodeInfo, Kind, RunStates, StateColumn};
+use super::states::{EpisodeInfo, RunStates, StateColumn};
 use super::{ExploredRun, Explorer};
+use crate::run::facts::StateQuantity;
 use seedbed_env::Quantity;
 
 /// A sample of visited states, such as those of all runs of a cell.
@@ -62,7 +63,7 @@ impl ExploredRun {
                 .collect();
             StateColumn {
                 quantity: quantity.clone(),
-                kind: Kind::Observation,
+                source: StateQuantity::Observation(index),
                 nan: values.iter().filter(|value| value.is_nan()).count(),
                 values,
             }

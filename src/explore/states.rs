@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::record::{ReadError, RecordedEpisode, RecordedStates};
-use crate::run::review::selection::is_sampled;
+use crate::review::selection::is_sampled;
+use crate::run::facts::StateQuantity;
 use seedbed_env::{Quantity, Status};
 
 /// The visited states of a run, or an evenly spaced sample of them.
@@ -25,26 +26,11 @@ pub(super) struct StateColumn {
     /// Name, unit and range.
     pub quantity: Quantity,
     /// What the quantity is.
-    pub kind: Kind,
+    pub source: StateQuantity,
     /// One value per state; NaN for the last state of an episode, if the quantity belongs to steps.
     pub values: Vec<f32>,
     /// Number of values that were recorded as NaN.
     pub nan: usize,
-}
-
-/// What a quantity is. The order is that of the axes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum Kind {
-    Observation,
-    Action,
-    Reward,
-    IntrinsicReward,
-    Advantage,
-    Step,
-    /// One value per episode: computed by the page from the table of episodes.
-    Episode,
-    Return,
 }
 
 /// One episode.
@@ -162,35 +148,29 @@ fn add_rows(columns: &mut [StateColumn], rows: &[f32]) {
 }
 
 fn empty_columns(recording: &RecordedStates, has_advantages: bool) -> Vec<StateColumn> {
-    let column = |quantity: Quantity, kind| StateColumn {
+    let column = |source: StateQuantity, quantity: Quantity| StateColumn {
         quantity,
-        kind,
+        source,
         values: Vec::new(),
         nan: 0,
     };
-    // Their ranges follow from the values.
-    let without_range = |name: &str, kind| {
-        let quantity = Quantity {
-            name: name.to_owned(),
-            unit: String::new(),
-            range: [0.0, 0.0],
-        };
-        column(quantity, kind)
-    };
-    let observations = recording.observations().iter();
-    let actions = recording.actions().iter();
-    let mut columns: Vec<StateColumn> = observations
-        .map(|quantity| column(quantity.clone(), Kind::Observation))
-        .chain(actions.map(|quantity| column(quantity.clone(), Kind::Action)))
+    let of_task = StateQuantity::of_task(recording.observations(), recording.actions());
+    let mut columns: Vec<StateColumn> = of_task
+        .map(|(source, quantity)| column(source, quantity.clone()))
         .collect();
-    columns.push(without_range("reward", Kind::Reward));
-    if recording.bonus().max().is_some() {
-        columns.push(without_range("intrinsic reward", Kind::IntrinsicReward));
+    for source in StateQuantity::OF_ALL_TASKS {
+        let is_recorded = match source {
+            StateQuantity::IntrinsicReward => recording.bonus().exists(),
+            StateQuantity::Advantage => has_advantages,
+            // The page computes those of episodes from its table of episodes.
+            StateQuantity::Episode | StateQuantity::Return => false,
+            _ => true,
+        };
+        if is_recorded {
+            // Its range follows from the values.
+            columns.push(column(source, source.with_range([0.0, 0.0])));
+        }
     }
-    if has_advantages {
-        columns.push(without_range("advantage", Kind::Advantage));
-    }
-    columns.push(without_range("step", Kind::Step));
     columns
 }
 
@@ -202,28 +182,10 @@ fn rows(
     steps: impl Iterator<Item = usize>,
     nan: &mut [usize],
 ) -> Vec<f32> {
-    let width = |kind: Kind| columns.iter().filter(|column| column.kind == kind).count();
-    let [observations, actions] = [Kind::Observation, Kind::Action].map(width);
     let mut rows = Vec::new();
     for step in steps {
-        let mut of_kind = [0_usize; 2];
-        let mut next = |index: usize| {
-            of_kind[index] += 1;
-            of_kind[index] - 1
-        };
         for (column, nan) in columns.iter().zip(&mut *nan) {
-            let value = match column.kind {
-                Kind::Observation => episode
-                    .observations
-                    .get(step * observations + next(0))
-                    .copied(),
-                Kind::Action => episode.actions.get(step * actions + next(1)).copied(),
-                Kind::Reward => episode.rewards.get(step).copied(),
-                Kind::IntrinsicReward => episode.intrinsic_rewards.get(step).copied(),
-                Kind::Advantage => episode.advantages.get(step).copied(),
-                Kind::Step => Some(step as f32),
-                Kind::Episode | Kind::Return => None,
-            };
+            let value = episode.value(column.source, step).map(|value| value as f32);
             *nan += usize::from(value.is_some_and(f32::is_nan));
             rows.push(value.unwrap_or(f32::NAN));
         }

@@ -16,12 +16,13 @@ use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 use self::table::Table;
+use crate::record::ReadError;
 use crate::record::state_files::StateFiles;
 use crate::record::table::TableError;
-use crate::record::{ReadError, RecordError};
-use crate::run::files::{self, Replacement};
+use crate::review::LoadedRun;
 use crate::run::folder::RunFolder;
-use crate::run::review::LoadedRun;
+use crate::run::recorder::RecordError;
+use crate::storage::files::{self, Replacement};
 
 /// What is exported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

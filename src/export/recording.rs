@@ -6,7 +6,8 @@ use std::path::Path;
 use super::{ExportError, rounds};
 use crate::record::recording::RecordingFile;
 use crate::record::state_files::StateFiles;
-use crate::record::{BonusRange, Focus, RecorderFactory, RecordingSettings, RoundRecord, RunInfo};
+use crate::run::recorder::{BonusRange, Focus, RecorderFactory, RoundRecord, RunInfo};
+use crate::scenario::recording::RecordingSettings;
 
 /// Writes the recording, round by round, and returns the number of states. Calls `on_episode` for
 /// each episode.

@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 use super::ExportError;
 use super::table::{Column, Table, Values};
 use crate::record::{RecordedEpisode, RecordedStates};
-use seedbed_env::Quantity;
+use crate::run::facts::StateQuantity;
 
 /// Number of rows after which a batch is written.
 const BATCH_ROWS: usize = 100_000;
@@ -15,23 +15,24 @@ const BATCH_ROWS: usize = 100_000;
 /// Maximum number of numbers of the agents that are sorted together: 256 MB.
 const MAX_GROUP_NUMBERS: usize = 1 << 26;
 
-/// Names of the columns before and after observations and actions.
+/// Names of the columns before and after quantities of states.
 const INDEX_NAMES: [&str; 4] = ["agent", "episode", "round", "step"];
-const REWARD: &str = "reward";
-const INTRINSIC_REWARD: &str = "intrinsic_reward";
 const OUTCOME: &str = "outcome";
 
 /// Rows that wait to be written.
 struct Batch {
     indices: [Vec<i64>; 4],
-    /// Name, unit and values.
-    observations: Vec<(String, String, Vec<Option<f32>>)>,
-    actions: Vec<(String, String, Vec<Option<f32>>)>,
-    rewards: Vec<Option<f32>>,
-    /// `None` for agents without a bonus.
-    intrinsic_rewards: Option<Vec<Option<f32>>>,
+    quantities: Vec<QuantityColumn>,
     /// How the episode of the state ended, as in `episodes.csv`.
     outcomes: Vec<String>,
+}
+
+/// The values of one quantity of states. The last state of an episode has no action and no reward.
+struct QuantityColumn {
+    source: StateQuantity,
+    name: String,
+    unit: String,
+    values: Vec<Option<f32>>,
 }
 
 /// Reads all episodes of a recording and writes their states.
@@ -44,7 +45,7 @@ pub(super) fn write(
     for_each_in_order(recording, |episode| {
         batch.add(episode);
         on_episode();
-        if batch.rewards.len() < BATCH_ROWS {
+        if batch.outcomes.len() < BATCH_ROWS {
             return Ok(());
         }
         write(std::mem::replace(&mut batch, Batch::new(recording)).into_table())
@@ -108,23 +109,27 @@ fn groups_of_agents(recording: &RecordedStates) -> Result<Vec<RangeInclusive<u32
 
 impl Batch {
     fn new(recording: &RecordedStates) -> Self {
+        let bonus = recording.bonus().exists();
+        let of_steps = [StateQuantity::Reward]
+            .into_iter()
+            .chain(bonus.then_some(StateQuantity::IntrinsicReward));
         let mut used = INDEX_NAMES.map(str::to_owned).to_vec();
-        used.extend([REWARD, INTRINSIC_REWARD, OUTCOME].map(str::to_owned));
-        let mut columns = |quantities: &[Quantity], kind: &str| {
-            let column = |quantity: &Quantity| {
-                let name = unused(&quantity.name, kind, &mut used);
-                (name, quantity.unit.clone(), Vec::new())
-            };
-            quantities.iter().map(column).collect()
-        };
-        let observations = columns(recording.observations(), "observation");
-        let actions = columns(recording.actions(), "action");
+        let reserved = [StateQuantity::Reward, StateQuantity::IntrinsicReward];
+        used.extend(reserved.map(|quantity| quantity.key().to_owned()));
+        used.push(OUTCOME.to_owned());
+        let of_task = StateQuantity::of_task(recording.observations(), recording.actions());
+        let of_task = of_task.map(|(source, quantity)| {
+            let name = unused(&quantity.name, source.key(), &mut used);
+            QuantityColumn::new(source, name, quantity.unit.clone())
+        });
+        let mut quantities: Vec<QuantityColumn> = of_task.collect();
+        quantities.extend(
+            of_steps
+                .map(|source| QuantityColumn::new(source, source.key().to_owned(), String::new())),
+        );
         Self {
             indices: Default::default(),
-            observations,
-            actions,
-            rewards: Vec::new(),
-            intrinsic_rewards: recording.bonus().max().map(|_| Vec::new()),
+            quantities,
             outcomes: Vec::new(),
         }
     }
@@ -137,47 +142,38 @@ impl Batch {
                 column.push(number);
             }
             self.indices[3].push(step as i64);
-        }
-        add_rows(&mut self.observations, &episode.observations);
-        add_rows(&mut self.actions, &episode.actions);
-        // The last state has no action and no reward.
-        for (_, _, column) in &mut self.actions {
-            column.push(None);
-        }
-        self.rewards
-            .extend(episode.rewards.iter().copied().map(Some));
-        self.rewards.push(None);
-        if let Some(column) = &mut self.intrinsic_rewards {
-            column.extend(episode.intrinsic_rewards.iter().copied().map(Some));
-            column.resize(self.rewards.len(), None);
+            for QuantityColumn { source, values, .. } in &mut self.quantities {
+                values.push(episode.value(*source, step).map(|value| value as f32));
+            }
         }
     }
 
     fn into_table(self) -> Table {
-        let indices = INDEX_NAMES.into_iter().zip(self.indices);
         let without_unit = |name: &str, values| Column {
             name: name.to_owned(),
             unit: String::new(),
             values,
         };
+        let indices = INDEX_NAMES.into_iter().zip(self.indices);
         let indices = indices.map(|(name, values)| without_unit(name, Values::Integers(values)));
-        let quantities = self.observations.into_iter().chain(self.actions);
-        let quantities = quantities.map(|(name, unit, values)| Column {
+        let mut columns: Vec<Column> = indices.collect();
+        columns.extend(self.quantities.into_iter().map(|column| Column {
+            name: column.name,
+            unit: column.unit,
+            values: Values::Singles(column.values),
+        }));
+        columns.push(without_unit(OUTCOME, Values::Texts(self.outcomes)));
+        Table { columns }
+    }
+}
+
+impl QuantityColumn {
+    fn new(source: StateQuantity, name: String, unit: String) -> Self {
+        Self {
+            source,
             name,
             unit,
-            values: Values::Singles(values),
-        });
-        let rewards = [without_unit(REWARD, Values::Singles(self.rewards))];
-        let bonus = self.intrinsic_rewards.into_iter();
-        let bonus = bonus.map(|values| without_unit(INTRINSIC_REWARD, Values::Singles(values)));
-        let outcomes = [without_unit(OUTCOME, Values::Texts(self.outcomes))];
-        let columns = indices
-            .chain(quantities)
-            .chain(rewards)
-            .chain(bonus)
-            .chain(outcomes);
-        Table {
-            columns: columns.collect(),
+            values: Vec::new(),
         }
     }
 }
@@ -190,13 +186,4 @@ fn unused(name: &str, kind: &str, used: &mut Vec<String>) -> String {
     }
     used.push(chosen.clone());
     chosen
-}
-
-/// Adds rows of as many values as there are columns.
-fn add_rows(columns: &mut [(String, String, Vec<Option<f32>>)], rows: &[f32]) {
-    for row in rows.chunks_exact(columns.len().max(1)) {
-        for ((_, _, column), value) in columns.iter_mut().zip(row) {
-            column.push(Some(*value));
-        }
-    }
 }

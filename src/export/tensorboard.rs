@@ -8,8 +8,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use super::event_file::{scalar_event, version_event, write_event};
-use crate::record::metrics::{METRICS, Source};
-use crate::run::review::LoadedRun;
+use crate::review::LoadedRun;
+use crate::run::facts::metrics::{METRICS, Source};
 
 /// A value of a curve: step, name of the curve, value.
 type Point = (i64, String, f64);

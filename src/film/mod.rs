@@ -9,12 +9,11 @@ use std::path::PathBuf;
 
 use crate::plotting;
 use crate::record::visitation::Unplaced;
-use crate::record::{EpisodeRow, ReadError, RecordedScene, RecordedStates};
+use crate::record::{ReadError, RecordedScene, RecordedStates};
+use crate::review::selection::{EpisodeSelection, SelectedState, SelectedStates, StateSelection};
+use crate::review::{LoadRunError, LoadedRun, team_returns};
 use crate::run::Plan;
-use crate::run::review::selection::{
-    EpisodeSelection, SelectedState, SelectedStates, StateSelection,
-};
-use crate::run::review::{LoadRunError, LoadedRun, team_returns};
+use crate::run::facts::EpisodeRow;
 use seedbed_env::{Physics, Scene, TaskDescription};
 use seedbed_figure::color::{TEAM_COLOR, agent_color};
 use seedbed_figure::{

@@ -1,7 +1,8 @@
 //! Axes on which the states of several recordings are drawn together.
 
+use super::RecordedStates;
 use super::visitation::Axes;
-use super::{BonusRange, RecordedStates};
+use crate::run::recorder::BonusRange;
 use crate::text::pluralize;
 use seedbed_env::Quantity;
 

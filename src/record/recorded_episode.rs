@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::run::facts::StateQuantity;
 use seedbed_env::{Pose, Status};
 
 /// One episode as it was recorded.
@@ -91,6 +92,31 @@ impl RecordedEpisode {
     #[must_use]
     pub fn total_reward(&self) -> f64 {
         self.rewards.iter().map(|&reward| f64::from(reward)).sum()
+    }
+
+    /// The value of a quantity at a step, 0 to T. `None` if it is not recorded, or if it belongs to actions
+    /// and the step is the last state, in which no action is taken.
+    #[must_use]
+    pub fn value(&self, quantity: StateQuantity, step: usize) -> Option<f64> {
+        let length = self.length();
+        let single = match quantity {
+            StateQuantity::Observation(index) => {
+                let width = self.observations.len() / (length + 1);
+                self.observations.get(step * width + index)
+            }
+            StateQuantity::Action(index) => {
+                let width = self.actions.len() / length.max(1);
+                self.actions.get(step * width + index)
+            }
+            StateQuantity::Reward => self.rewards.get(step),
+            StateQuantity::IntrinsicReward => self.intrinsic_rewards.get(step),
+            StateQuantity::Advantage => self.advantages.get(step),
+            StateQuantity::Step => return Some(step as f64),
+            StateQuantity::Episode => return Some(f64::from(self.episode)),
+            // In single precision, as in the page of `seedbed explore`.
+            StateQuantity::Return => return Some(f64::from(self.total_reward() as f32)),
+        };
+        single.map(|&value| f64::from(value))
     }
 
     /// The observations state by state, including the last one: `[T+1]` of `[observation width]`.

@@ -8,7 +8,9 @@ use seedbed_env::{Quantity, Scene};
 use super::recording::Recording;
 use super::state_files::StateFiles;
 use super::visitation::Axes;
-use super::{BonusRange, ReadError, RecordedEpisode, RecordedScene};
+use super::{ReadError, RecordedEpisode, RecordedScene};
+use crate::run::folder::is_state_file;
+use crate::run::recorder::BonusRange;
 
 /// The visited states of a run, which are read episode by episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +27,7 @@ impl RecordedStates {
     /// # Errors
     /// The file cannot be read, is damaged, or is of another kind.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        if StateFiles::is_state_file(path) {
+        if is_state_file(path) {
             return StateFiles::open_file(path).map(Self::StateFiles);
         }
         Recording::open(path).map(Self::Recording)

@@ -8,10 +8,9 @@ use std::path::{Path, PathBuf};
 use seedbed_env::{Quantity, Scene};
 
 use super::visitation::Axes;
-use super::{
-    Attempt, BonusRange, LiveError, ReadError, RecordError, RecordedEpisode, RecordedScene,
-    Recorder, RecorderFactory, RecordingSettings, RunInfo, UNAVAILABLE,
-};
+use super::{LiveError, ReadError, RecordedEpisode, RecordedScene, UNAVAILABLE};
+use crate::run::recorder::{Attempt, BonusRange, RecordError, Recorder, RecorderFactory, RunInfo};
+use crate::scenario::recording::RecordingSettings;
 
 /// Whether this build can write and read recordings. Builds with the feature `rerun` can.
 pub const AVAILABLE: bool = false;

@@ -8,10 +8,9 @@ use seedbed_input::limits::{MAX_TABLE_BYTES, read_text};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::written::{Written, WrittenFile, WrittenHash};
-use super::{
-    Attempt, RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord, RunInfo,
-};
+use crate::run::recorder::{Attempt, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo};
+use crate::scenario::recording::RecordingSettings;
+use crate::storage::written::{Written, WrittenFile, WrittenHash};
 
 /// The tables that a run will write.
 #[derive(Debug)]

@@ -1,13 +1,14 @@
 //! Evaluation: plays the trained policies of a run without learning, greedily or with sampled
 //! actions.
 
-use super::checkpoint::Checkpoint;
+use super::error::RunError;
+use super::facts::Summary;
 use super::folder::RunFolder;
-use super::rollout::{PlayedEpisodes, RoundPlan};
-use super::summary::Summary;
-use super::trainer::Trainer;
-use super::{Plan, RunError};
-use crate::record::SceneSettings;
+use super::folder::checkpoint::Checkpoint;
+use super::plan::Plan;
+use super::training::Trainer;
+use super::training::{PlayedEpisodes, RoundPlan};
+use crate::scenario::recording::SceneSettings;
 use seedbed_learn::agent::policy::ActionSelection;
 use seedbed_learn::experience::Episode;
 

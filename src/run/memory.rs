@@ -1,7 +1,7 @@
 //! How much memory a run needs: a rough estimate, so that a run which no machine of this size can hold
 //! is refused before it starts.
 
-use super::Plan;
+use super::plan::Plan;
 use crate::scenario::Schedule;
 
 /// Approximate number of bytes that the parts of a run need.

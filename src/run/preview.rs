@@ -1,13 +1,13 @@
 //! Previews: records a few episodes of random actions, so that the author of a task sees how its
 //! bodies move.
 
-use super::RunError;
-use super::episode_warning::EpisodeWarning;
-use super::round_recorder::RoundRecorder;
-use super::trainer::Trainer;
-use crate::record::{
-    BonusRange, EpisodeRow, Focus, RecorderFactory, RecordingSettings, RunInfo, SceneSettings,
-};
+use super::error::RunError;
+use super::execution::RoundRecorder;
+use super::training::EpisodeWarning;
+use super::training::Trainer;
+use crate::run::facts::EpisodeRow;
+use crate::run::recorder::{BonusRange, Focus, RecorderFactory, RunInfo};
+use crate::scenario::recording::{RecordingSettings, SceneSettings};
 use crate::scenario::{Scenario, Schedule, Stop};
 use seedbed_env::Physics;
 use seedbed_env::TaskDescription;

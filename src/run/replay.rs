@@ -1,15 +1,15 @@
 //! Replays: records episodes of trained policies without learning, with the moving bodies of chosen
 //! agents.
 
+use super::error::RunError;
 use super::evaluate::{EvaluationSettings, load_trained, play_episode};
 use super::folder::RunFolder;
 use super::measures::Measures;
-use super::trainer::Trainer;
-use super::{Plan, RunError};
-use crate::record::{
-    BonusRange, EpisodeRow, Focus, Recorder, RecorderFactory, RecordingSettings, RoundRecord,
-    RunInfo, SceneSettings,
-};
+use super::plan::Plan;
+use super::training::Trainer;
+use crate::run::facts::EpisodeRow;
+use crate::run::recorder::{BonusRange, Focus, Recorder, RecorderFactory, RoundRecord, RunInfo};
+use crate::scenario::recording::{RecordingSettings, SceneSettings};
 use seedbed_input::InputError;
 use seedbed_input::numbers::ranged_count;
 

@@ -10,8 +10,8 @@ use safetensors::{Dtype, SafeTensorError};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::Plan;
-use super::files;
+use super::plan::Plan;
+use crate::storage::files;
 use seedbed_env::{Quantity, TaskSpec};
 use seedbed_learn::agent::network_info::NetworkInfo;
 use seedbed_learn::nn::Tensor;

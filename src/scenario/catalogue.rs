@@ -1,7 +1,7 @@
 //! Documentation of the fields of a scenario, for `seedbed list`.
 
 use super::Scenario;
-use crate::record::RecordingSettings;
+use crate::scenario::recording::RecordingSettings;
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::catalogue::{Parameter, parameters};
 

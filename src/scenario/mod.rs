@@ -5,6 +5,8 @@
 
 mod catalogue;
 pub mod overrides;
+pub mod recording;
+pub mod resolve;
 pub mod synonyms;
 mod threshold;
 
@@ -15,7 +17,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::input_files::{self, Directory};
-use crate::record::RecordingSettings;
+use crate::scenario::recording::RecordingSettings;
 use seedbed_env::{Physics, TaskSpec};
 use seedbed_input::edit::to_ron_string;
 use seedbed_input::numbers::{Count, FiniteNumber, PositiveFraction, ranged_count, ranged_number};
@@ -380,7 +382,7 @@ impl Scenario {
     }
 }
 
-impl overrides::Resolve for Scenario {
+impl resolve::Resolve for Scenario {
     fn resolved(&self) -> String {
         self.resolved()
     }

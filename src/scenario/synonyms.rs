@@ -10,7 +10,7 @@ use seedbed_input::{Document, InputError};
 
 use self::table::{ALGORITHMS, FIELDS, Synonym};
 use super::Scenario;
-use super::overrides::{Resolve, apply_value, opening_of};
+use super::resolve::{Resolve, apply_value, opening_of};
 use crate::input_files::{self, Directory};
 
 /// What a name of another library is here.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use crate::run::files;
+use crate::storage::files;
 
 /// Error: a file in the folder of a study cannot be read or written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

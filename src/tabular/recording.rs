@@ -2,11 +2,12 @@
 
 use super::scenario::TabularScenario;
 use super::team::Step;
-use crate::record::{
-    BonusRange, EpisodeRow, Focus, RecordError, Recorder, RecorderFactory, RecordingSettings,
-    RoundRecord, RunInfo,
+use crate::run::facts::EpisodeRow;
+use crate::run::recorder::{
+    BonusRange, Focus, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo,
 };
-use crate::scenario::overrides::Resolve;
+use crate::scenario::recording::RecordingSettings;
+use crate::scenario::resolve::Resolve;
 use seedbed_env::tabular::Model;
 use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
 use seedbed_learn::experience::Episode;

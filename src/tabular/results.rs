@@ -7,8 +7,9 @@ use serde::Serialize;
 use super::scenario::TabularScenario;
 use super::team::{Episode, TabularTeam};
 use crate::run::folder::RunFolder;
-use crate::run::{self, RunError, files};
-use crate::scenario::overrides::Resolve;
+use crate::run::{self, RunError};
+use crate::scenario::resolve::Resolve;
+use crate::storage::files;
 
 /// Results of a finished run.
 #[derive(Clone, Debug, PartialEq)]

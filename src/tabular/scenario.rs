@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Algorithm;
 use crate::input_files;
-use crate::scenario::overrides::{self, Resolve};
+use crate::scenario::overrides;
+use crate::scenario::resolve::Resolve;
 use seedbed_env::tabular::TaskFamily;
 use seedbed_input::edit::to_ron_string;
 use seedbed_input::numbers::{Count, NonNegative, ranged_count, ranged_number};

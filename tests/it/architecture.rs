@@ -162,12 +162,13 @@ fn each_heavy_crate_is_used_in_one_folder_only() {
 
 /// The top modules of the workbench in layers. A module may use itself and modules of earlier
 /// layers.
-const LAYERS: [&[&str]; 11] = [
-    &["input_files", "plotting", "provenance", "text"],
-    &["record"],
+const LAYERS: [&[&str]; 12] = [
+    &["input_files", "plotting", "provenance", "storage", "text"],
     &["scenario"],
     &["run"],
-    &["export", "film"],
+    &["record"],
+    &["review"],
+    &["export", "figures", "film"],
     &["explore"],
     &["tabular"],
     &["experiment"],
@@ -262,7 +263,7 @@ fn files_are_read_in_one_place() {
         // Files and folders that it writes.
         "src/record/rerun/serve.rs",
         "src/record/table.rs",
-        "src/run/files.rs",
+        "src/storage/files.rs",
     ];
     for (file, text) in source_files() {
         let code = text.split("#[cfg(test)]").next().unwrap();

@@ -8,11 +8,7 @@ use std::path::Path;
 use super::util::REPOSITORY;
 
 /// Folders with the modules that form a circle in them.
-const KNOWN_CIRCLES: [&str; 3] = [
-    "src/run: checkpoint, checksums, folder, measures, overview, replay_file, review, round_recorder, summary, trainer",
-    "src/run: remote_steps, rollout",
-    "src/scenario: overrides, synonyms",
-];
+const KNOWN_CIRCLES: [&str; 0] = [];
 
 /// Modules of a folder, and the modules beside them that each of them uses.
 type Uses = BTreeMap<String, BTreeSet<String>>;

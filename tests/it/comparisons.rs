@@ -11,8 +11,8 @@ use super::state_files::{file_of_states, write_file};
 use super::util::{run_refused, run_successful, seedbed, stderr};
 use seedbed::record::common_axes;
 use seedbed::record::visitation::{AXIS_HEIGHT, BINS, share_difference};
-use seedbed::run::review::LoadedRun;
-use seedbed::run::review::selection::{EpisodeSelection, SelectedStates, StateSelection};
+use seedbed::review::LoadedRun;
+use seedbed::review::selection::{EpisodeSelection, SelectedStates, StateSelection};
 
 /// An axis whose range is what was visited.
 fn visited(name: &str, unit: &str) -> Value {

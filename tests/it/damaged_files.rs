@@ -18,16 +18,15 @@ use seedbed::explore::Explorer;
 use seedbed::export::{self, Content, Format};
 use seedbed::record::recording::RecordingFile;
 use seedbed::record::table::TableFiles;
-use seedbed::record::{
-    RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord, RunInfo,
-};
+use seedbed::review::LoadedRun;
+use seedbed::review::overview::RunOverview;
 use seedbed::run::evaluate::{EvaluationSettings, evaluate};
 use seedbed::run::folder::RunFolder;
-use seedbed::run::overview::RunOverview;
 use seedbed::run::ranks::Ranks;
+use seedbed::run::recorder::{RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo};
 use seedbed::run::replay::{ReplaySettings, replay};
-use seedbed::run::review::LoadedRun;
 use seedbed::run::{self, Observer, Options, Plan, Progress};
+use seedbed::scenario::recording::RecordingSettings;
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::evaluate::claims;
 use seedbed::study::evaluate::results::Results;
@@ -318,7 +317,7 @@ fn read_by_runs(folder: &Path) -> Reading {
     let run = RunOverview::of(folder.to_owned());
     match run.error {
         Some(error) => {
-            assert_eq!(run.results, seedbed::run::overview::Results::default());
+            assert_eq!(run.results, seedbed::review::overview::Results::default());
             Err(error)
         }
         None => Ok(format!("{:?} {:?}", run.state, run.results)),

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use seedbed::run::Plan;
-use seedbed::run::trainer::Trainer;
+use seedbed::run::training::Trainer;
 use seedbed_env::TaskDescription;
 
 use super::util::REPOSITORY;

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use seedbed::record::EpisodeRow;
 use seedbed::record::RecordedEpisode;
 use seedbed::record::recording::Recording;
-use seedbed::run::review::LoadedRun;
-use seedbed::run::review::selection::EpisodeSelection;
+use seedbed::review::LoadedRun;
+use seedbed::review::selection::EpisodeSelection;
+use seedbed::run::facts::EpisodeRow;
 
 use super::state_files::{file_of_states, write_file};
 use super::util::{REPOSITORY, command, run_refused, run_successful, small_run, stderr};

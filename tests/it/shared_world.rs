@@ -10,7 +10,7 @@ use seedbed::experiment::run_result::RunResult;
 use seedbed::experiment::{
     Experiment, RunControl, RunEnding, RunQueue, RunRequest, StopRule, load,
 };
-use seedbed::record::RecorderFactory;
+use seedbed::run::recorder::RecorderFactory;
 use seedbed::run::{Observer, Options, RunError};
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::design::run_source::ScenarioRuns;

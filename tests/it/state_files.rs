@@ -11,10 +11,11 @@ use tempfile::TempDir;
 use super::util::{run_refused, run_successful, seedbed, stderr, stdout};
 use seedbed::record::state_files::StateFiles;
 use seedbed::record::{ReadError, RecordedEpisode, RecordedStates};
+use seedbed::review::LoadedRun;
+use seedbed::review::recording_stats::RecordingStats;
+use seedbed::review::selection::EpisodeSelection;
+use seedbed::run::folder::RunFolder;
 use seedbed::run::measures::visitation::Visitation;
-use seedbed::run::review::LoadedRun;
-use seedbed::run::review::recording_stats::RecordingStats;
-use seedbed::run::review::selection::EpisodeSelection;
 use seedbed_env::Status;
 
 /// CRC-32 of zlib, bit by bit.
@@ -748,5 +749,5 @@ fn no_run_takes_the_place_of_what_others_recorded() {
         let error = run_refused(&[&run[..], &["--overwrite"]].concat());
         assert!(error.contains("does not contain a seedbed run"), "{error}");
     }
-    assert_eq!(StateFiles::paths_in(folder.path()).len(), 1);
+    assert_eq!(RunFolder::new(folder.path()).state_files().len(), 1);
 }

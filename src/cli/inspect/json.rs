@@ -3,10 +3,10 @@
 use serde::Serialize;
 
 use super::Inspected;
-use seedbed::record::EpisodeRow;
-use seedbed::run::review::distribution::ValueDistribution;
-use seedbed::run::review::final_mean;
-use seedbed::run::summary::Summary;
+use seedbed::review::distribution::ValueDistribution;
+use seedbed::review::final_mean;
+use seedbed::run::facts::EpisodeRow;
+use seedbed::run::facts::Summary;
 use seedbed_env::Status;
 
 #[derive(Serialize)]

@@ -12,14 +12,14 @@ use clap::Args;
 use super::plot::parse_episodes;
 use super::progress::ReadCounter;
 use super::{CliError, open_run};
-use seedbed::record::{EpisodeRow, RoundRow};
-use seedbed::run::measures::visitation::{Visitation, visiting_agents};
-use seedbed::run::review::recording_stats::RecordingStats;
-use seedbed::run::review::selection::EpisodeSelection;
-use seedbed::run::review::{
+use seedbed::review::recording_stats::RecordingStats;
+use seedbed::review::selection::EpisodeSelection;
+use seedbed::review::{
     LoadRunError, LoadedRun, final_mean_of_learners, final_return, means_of_learners,
     returns_of_agents,
 };
+use seedbed::run::facts::{EpisodeRow, RoundRow};
+use seedbed::run::measures::visitation::{Visitation, visiting_agents};
 use seedbed_env::Status;
 
 /// Maximum number of agents of which the overlap of each pair is computed.

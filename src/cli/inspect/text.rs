@@ -10,11 +10,10 @@ use super::super::sparkline::sparkline;
 use super::super::{bold, green, pluralize};
 use super::Inspected;
 use seedbed::experiment::NO_THRESHOLD;
-use seedbed::record::state_files::StateFiles;
+use seedbed::review::distribution::ValueDistribution;
+use seedbed::review::final_mean;
+use seedbed::run::facts::FINAL_WINDOW;
 use seedbed::run::measures::recent::RECENT_ROUNDS;
-use seedbed::run::review::distribution::ValueDistribution;
-use seedbed::run::review::final_mean;
-use seedbed::run::summary::FINAL_WINDOW;
 use seedbed::text::{terminal_line, without_trailing_zeros};
 
 /// Maximum number of agents for which the overlap of each pair of agents is printed.
@@ -372,7 +371,7 @@ impl TerminalSummary<'_> {
             let [episodes, rounds] = folder.table_files();
             let recording = folder.recording_file();
             let part = recording.with_added_extension("part");
-            let state_files = StateFiles::paths_in(folder.path());
+            let state_files = folder.state_files();
             let others = [
                 recording,
                 part,

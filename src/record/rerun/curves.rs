@@ -13,8 +13,8 @@ use rerun::{EntityPath, Scalars, SeriesLines};
 
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
-use crate::record::metrics::{Metric, Scope, round_metrics_in_display_order};
-use crate::record::{EpisodeRow, RoundRow};
+use crate::run::facts::metrics::{Metric, Scope, round_metrics_in_display_order};
+use crate::run::facts::{EpisodeRow, RoundRow};
 use seedbed_figure::color::dark::{TEAM_COLOR, agent_color};
 
 /// Number of rows in one chunk.

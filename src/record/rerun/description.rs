@@ -8,8 +8,8 @@ use rerun::{AnyValues, ComponentIdentifier, EntityPath, RecordingInfo, TextDocum
 
 use super::error::RecordingError;
 use super::rows::static_chunk;
-use crate::record::RecordingSettings;
-use crate::record::RunInfo;
+use crate::run::recorder::RunInfo;
+use crate::scenario::recording::RecordingSettings;
 use crate::text::markdown_cell;
 use seedbed_env::{Choice, Quantity, TaskSpec};
 

@@ -18,7 +18,7 @@ use rerun::{
 
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
-use crate::record::BodyTrajectory;
+use crate::run::facts::BodyTrajectory;
 use seedbed_env::{Force, ForceSource};
 use seedbed_scene::camera::{Bounds, extent};
 

@@ -6,7 +6,8 @@ use rerun::log::{LogMsg, RowId};
 use super::error::RecordingError;
 use super::scene::SceneWriter;
 use super::{APPLICATION, RerunRecorder, RunInfo, blueprint, description, quantities};
-use crate::record::{BodyTrajectory, RecordingSettings};
+use crate::run::facts::BodyTrajectory;
+use crate::scenario::recording::RecordingSettings;
 
 impl RerunRecorder {
     /// Writes all static data: properties, names, colors, shapes.

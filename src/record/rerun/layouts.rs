@@ -15,8 +15,8 @@ use super::images::{ImageGroup, ImageWriter};
 use super::rows::static_chunk;
 use super::samples::VisitationStyle;
 use super::tiles::{ColorBar, Viewport};
-use crate::record::ColorBy;
 use crate::record::visitation::{Axes, Coloring, MIN_BRIGHTNESS, Pairs, outcome_color};
+use crate::scenario::recording::ColorBy;
 use seedbed_figure::color::dark::{density_color, diverging_color, sequential_color};
 
 /// Width and height available to views of visited states, in points, on a screen of 1600 × 1000

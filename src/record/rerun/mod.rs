@@ -52,11 +52,10 @@ use self::samples::VisitationStyle;
 pub use self::serve::Server;
 use self::sink::{MessageBytes, Sink, Storage};
 use self::writers::{Due, Writers};
-use super::written::WrittenFile;
-use super::{
-    Attempt, ReadError, RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord,
-    RunInfo,
-};
+use super::ReadError;
+use crate::run::recorder::{Attempt, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo};
+use crate::scenario::recording::RecordingSettings;
+use crate::storage::written::WrittenFile;
 
 /// Number of messages of a recording before the first damage or its end, and number of bytes up to there.
 ///

@@ -13,7 +13,8 @@ use rerun::{AnyValues, ComponentIdentifier};
 
 use super::error::RecordingError;
 use super::rows::static_chunk;
-use crate::record::BonusRange;
+use crate::run::facts::StateQuantity;
+use crate::run::recorder::BonusRange;
 use seedbed_env::{Quantity, TaskSpec};
 
 pub(super) const ENTITY: &str = "/scenario/quantities";
@@ -49,31 +50,28 @@ pub(super) fn chunk(spec: &TaskSpec, bonus: BonusRange) -> Result<Chunk, Recordi
 
 /// All quantities in the order of their rows, each with its role.
 fn quantities_with_roles(spec: &TaskSpec, bonus: BonusRange) -> Vec<(Quantity, &'static str)> {
-    let step = Quantity {
-        name: "step".to_owned(),
-        unit: String::new(),
-        range: [0.0, spec.time_limit as f32],
-    };
-    let bonus_quantity = |max| Quantity {
-        name: "intrinsic_reward".to_owned(),
-        unit: String::new(),
-        range: [0.0, max],
-    };
-    let observations = spec
-        .observations
-        .iter()
-        .cloned()
-        .map(|quantity| (quantity, "observation"));
-    let actions = spec
+    let actions: Vec<Quantity> = spec
         .actions
         .iter()
-        .map(|action| (action.quantity.clone(), "action"));
-    let others = std::iter::once((step, "step")).chain(
-        bonus
-            .max()
-            .map(|max| (bonus_quantity(max), "intrinsic_reward")),
-    );
-    observations.chain(actions).chain(others).collect()
+        .map(|action| action.quantity.clone())
+        .collect();
+    let of_task = StateQuantity::of_task(&spec.observations, &actions);
+    let mut rows: Vec<_> = of_task
+        .map(|(quantity, named)| (named.clone(), quantity.key()))
+        .collect();
+    let mut add = |quantity: StateQuantity, max: f32| {
+        let named = Quantity {
+            name: quantity.key().to_owned(),
+            unit: String::new(),
+            range: [0.0, max],
+        };
+        rows.push((named, quantity.key()));
+    };
+    add(StateQuantity::Step, spec.time_limit as f32);
+    if let Some(max) = bonus.max() {
+        add(StateQuantity::IntrinsicReward, max);
+    }
+    rows
 }
 
 /// Decodes a chunk of [`chunk`]; `None` if the chunk has other contents.

@@ -13,8 +13,13 @@ use rerun::{
 
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, unit_column};
+use crate::run::facts::StateQuantity;
 use seedbed_env::{Choice, Status, TaskSpec};
 use seedbed_learn::experience::{Episode, StepData};
+
+/// Columns of a state beside its quantities.
+const LOG_PROB: &str = "log_prob";
+pub(super) const OUTCOME: &str = "outcome";
 
 /// The rows of one agent that are not written yet.
 #[derive(Clone)]
@@ -69,9 +74,10 @@ impl RawColumns {
             .iter()
             .map(|action| (column(&action.quantity.name), action.choice.clone()))
             .collect();
-        let [reward, log_prob, outcome] = ["reward", "log_prob", "outcome"].map(column);
-        let intrinsic_reward = has_bonus.then(|| column("intrinsic_reward"));
-        let advantage = has_advantages.then(|| column("advantage"));
+        let reward = column(StateQuantity::Reward.key());
+        let [log_prob, outcome] = [LOG_PROB, OUTCOME].map(column);
+        let intrinsic_reward = has_bonus.then(|| column(StateQuantity::IntrinsicReward.key()));
+        let advantage = has_advantages.then(|| column(StateQuantity::Advantage.key()));
         Ok(Arc::new(Self {
             observations,
             actions,
@@ -93,9 +99,15 @@ fn check_column_names(spec: &TaskSpec, has_advantages: bool) -> Result<(), Recor
         .actions
         .iter()
         .map(|action| action.quantity.name.as_str());
-    let others = ["reward", "log_prob", "intrinsic_reward", "outcome"]
+    let [reward, intrinsic_reward, advantage] = [
+        StateQuantity::Reward,
+        StateQuantity::IntrinsicReward,
+        StateQuantity::Advantage,
+    ]
+    .map(StateQuantity::key);
+    let others = [reward, LOG_PROB, intrinsic_reward, OUTCOME]
         .into_iter()
-        .chain(has_advantages.then_some("advantage"));
+        .chain(has_advantages.then_some(advantage));
     let mut names: Vec<&str> = observations.chain(actions).chain(others).collect();
     names.sort_unstable();
     match names.windows(2).find(|pair| pair[0] == pair[1]) {

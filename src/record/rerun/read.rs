@@ -12,9 +12,12 @@ use rerun::{ComponentIdentifier, StoreKind, TimelineName};
 
 use super::decode::Messages;
 use super::quantities::{self, Quantities};
+use super::raw::OUTCOME;
 use super::rows::{EPISODE, ROUND};
 use crate::record::visitation::Axes;
-use crate::record::{BonusRange, ReadError, RecordedEpisode};
+use crate::record::{ReadError, RecordedEpisode};
+use crate::run::facts::StateQuantity;
+use crate::run::recorder::BonusRange;
 use seedbed_env::{Quantity, Status};
 
 /// An open recording: its properties, quantities and episodes.
@@ -263,10 +266,10 @@ impl Columns {
         Self {
             observations: names_of(&quantities.observations),
             actions: names_of(&quantities.actions),
-            reward: column_name("reward"),
-            intrinsic_reward: column_name("intrinsic_reward"),
-            advantage: column_name("advantage"),
-            outcome: column_name("outcome"),
+            reward: column_name(StateQuantity::Reward.key()),
+            intrinsic_reward: column_name(StateQuantity::IntrinsicReward.key()),
+            advantage: column_name(StateQuantity::Advantage.key()),
+            outcome: column_name(OUTCOME),
         }
     }
 

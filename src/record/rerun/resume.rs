@@ -18,10 +18,10 @@ use super::decode::Messages;
 use super::error::RecordingError;
 use super::samples::VisitationStyle;
 use super::sink::Sink;
-use crate::record::RecordingSettings;
-use crate::record::RunInfo;
 use crate::record::visitation::AgentVisits;
-use crate::record::written::Written;
+use crate::run::recorder::RunInfo;
+use crate::scenario::recording::RecordingSettings;
+use crate::storage::written::Written;
 
 /// Version of the order and types of the fields of [`State`].
 const FORMAT: u32 = 4;

@@ -9,7 +9,8 @@ use super::rows::Moment;
 use super::samples::DrawnStateCounts;
 use super::writers::{Due, states_per_write};
 use crate::record::visitation::{Coloring, first_round};
-use crate::record::{BodyTrajectory, EpisodeRow, Focus, RoundRecord};
+use crate::run::facts::{BodyTrajectory, EpisodeRow};
+use crate::run::recorder::{Focus, RoundRecord};
 use seedbed_learn::experience::Episode;
 use seedbed_random::{Purpose, stream};
 

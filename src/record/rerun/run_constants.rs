@@ -1,8 +1,9 @@
 //! Constants of a run and its scenario that a recorder needs.
 
 use crate::record::visitation::LineQuota;
-use crate::record::{BonusRange, Difference, RecordingSettings};
-use crate::record::{Focus, RunInfo};
+use crate::run::recorder::BonusRange;
+use crate::run::recorder::{Focus, RunInfo};
+use crate::scenario::recording::{Difference, RecordingSettings};
 use seedbed_env::TaskSpec;
 
 /// Constants of a run and its scenario that a recorder needs.

@@ -12,9 +12,9 @@ use rerun::{EntityPath, LineStrips2D, Points2D, SerializedComponentColumn};
 
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk, strips};
-use crate::record::RecordingSettings;
-use crate::record::RunInfo;
 use crate::record::visitation::{AgentVisits, Axes, Coloring, Pairs, VisitedState, sample_states};
+use crate::run::recorder::RunInfo;
+use crate::scenario::recording::RecordingSettings;
 use seedbed_figure::color::dark::agent_color;
 use seedbed_learn::experience::{Episode, StepData};
 use seedbed_random::Stream;

@@ -18,7 +18,7 @@ use super::ropes::RopeWriter;
 use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, static_chunk};
 use super::shapes::{FIXED_COLOR, hinge, lines_and_discs, rotation_of, translation_of};
 use super::terrain::TerrainWriter;
-use crate::record::BodyTrajectory;
+use crate::run::facts::BodyTrajectory;
 use seedbed_env::{Pose, Scene, SceneBody};
 use seedbed_figure::color::dark::agent_color;
 use seedbed_scene::body_color::{BodyColor, body_colors};

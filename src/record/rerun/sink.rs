@@ -20,7 +20,7 @@ use rerun::log::{Chunk, LogMsg};
 use super::error::RecordingError;
 use super::live::Viewer;
 use super::serve::{RunningServer, Server};
-use crate::record::written::{Written, WrittenHash};
+use crate::storage::written::{Written, WrittenHash};
 
 /// The file to which encoded messages are written, or a replacement in tests.
 pub(super) trait Storage: Write + Send {

@@ -9,9 +9,9 @@ use super::images::ImageWriter;
 use super::raw::{RawColumns, RawTable};
 use super::samples::{SampleWriter, VisitationStyle};
 use super::scene::SceneWriter;
-use crate::record::RunInfo;
 use crate::record::visitation::LineQuota;
-use crate::record::{ColorBy, RecordingSettings};
+use crate::run::recorder::RunInfo;
+use crate::scenario::recording::{ColorBy, RecordingSettings};
 
 /// The rows that are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::record::{EpisodeRow, ReadError};
+use crate::record::ReadError;
+use crate::run::facts::EpisodeRow;
 use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_bytes};
 
 /// The file that a recorder writes when all agents of a folder are closed, and removes before it

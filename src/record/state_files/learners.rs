@@ -1,7 +1,7 @@
 //! Learners of a recorded run: agents that are copies of an environment in which one learner acts
 //! count as one.
 
-use crate::record::EpisodeRow;
+use crate::run::facts::EpisodeRow;
 
 /// An episode that has ended.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -24,15 +24,12 @@ use self::episodes::{AgentEpisodes, FinishedEpisode};
 use self::header::{Header, HeaderAxis};
 pub use self::learners::{EndedEpisode, Learners};
 use super::visitation::Axes;
-use super::{BonusRange, EpisodeRow, ReadError, RecordedEpisode};
+use super::{ReadError, RecordedEpisode};
+use crate::run::facts::EpisodeRow;
+use crate::run::folder::RunFolder;
+use crate::run::recorder::BonusRange;
 use seedbed_env::Quantity;
 use seedbed_input::limits::MAX_SPARSE_AGENTS;
-
-/// Extension of a file of visited states.
-const EXTENSION: &str = "states";
-
-/// Folder of these files in the folder of a run.
-const FOLDER: &str = "states";
 
 /// Files of visited states of all agents of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,24 +69,6 @@ struct Collected {
 }
 
 impl StateFiles {
-    /// Paths of the files of visited states in the folder of a run, sorted; empty if it has none.
-    #[must_use]
-    pub fn paths_in(run_folder: &Path) -> Vec<PathBuf> {
-        let entries = fs::read_dir(run_folder.join(FOLDER)).into_iter().flatten();
-        let paths = entries.flatten().map(|entry| entry.path());
-        let mut paths: Vec<PathBuf> = paths.filter(|path| Self::is_state_file(path)).collect();
-        paths.sort();
-        paths
-    }
-
-    /// Whether a path is that of a file of visited states, by its extension.
-    #[must_use]
-    pub fn is_state_file(path: &Path) -> bool {
-        let is_hidden = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with('.');
-        path.extension().is_some_and(|found| found == EXTENSION)
-            && !path.file_name().is_some_and(is_hidden)
-    }
-
     /// Opens all files in the folder of a run. Those of a finished run have the episodes that its
     /// summary says.
     ///
@@ -102,7 +81,7 @@ impl StateFiles {
         let name = fs::canonicalize(run_folder).ok();
         let name = name.as_deref().unwrap_or(run_folder).file_name();
         let name = name.unwrap_or(run_folder.as_os_str()).to_string_lossy();
-        let files = Self::open(&name, Self::paths_in(run_folder), run_folder)?;
+        let files = Self::open(&name, RunFolder::new(run_folder).state_files(), run_folder)?;
         if let Some(noted) = noted {
             noted.check(run_folder, &files.rows)?;
         }
@@ -173,7 +152,7 @@ impl StateFiles {
     /// A file cannot be read, or its header is damaged.
     pub fn learners_in(run_folder: &Path) -> Result<Learners, ReadError> {
         let mut agents = Vec::new();
-        for path in Self::paths_in(run_folder) {
+        for path in RunFolder::new(run_folder).state_files() {
             agents.push(Agent::of(AgentEpisodes::open(&path)?.header()));
         }
         check_numbers(&agents, run_folder)?;

@@ -1,7 +1,9 @@
 //! Parallel coordinates: the position of a state on each axis.
 
 use super::{BINS, Unplaced, clamped, fraction};
-use crate::record::{AxisChoice, BonusRange};
+use crate::run::facts::StateQuantity;
+use crate::run::recorder::BonusRange;
+use crate::scenario::recording::AxisChoice;
 use seedbed_env::{Choice, Quantity, TaskSpec};
 use seedbed_learn::experience::{Episode, StepData};
 
@@ -32,18 +34,9 @@ pub struct Axes {
 pub struct Axis {
     /// The quantity on this axis. Its range is the range of the axis.
     pub quantity: Quantity,
-    source: Source,
-}
-
-/// Where an axis takes its value from.
-#[derive(Clone, Debug, PartialEq)]
-enum Source {
-    Step,
-    Observation(usize),
-    Action(usize, Choice),
-    Reward,
-    Advantage,
-    IntrinsicReward,
+    source: StateQuantity,
+    /// The values of a discrete action.
+    choice: Choice,
 }
 
 /// One visited state, with the action, reward, advantage and bonus of the step that starts in it.
@@ -147,7 +140,7 @@ impl Axes {
     fn side_by_side(axes: Vec<Axis>) -> Self {
         let gap = (TOTAL_WIDTH / (axes.len() - 1).max(1)).max(MIN_AXIS_GAP);
         let is_in_order =
-            |(index, axis): &(usize, &Axis)| axis.source == Source::Observation(*index);
+            |(index, axis): &(usize, &Axis)| axis.source == StateQuantity::Observation(*index);
         let range = |axis: &Axis| axis.quantity.range;
         Self {
             leading_observations: axes.iter().enumerate().take_while(is_in_order).count(),
@@ -208,7 +201,7 @@ impl Axes {
         self.left_to_right.iter().any(|axis| {
             matches!(
                 axis.source,
-                Source::Action(..) | Source::Reward | Source::Advantage
+                StateQuantity::Action(_) | StateQuantity::Reward | StateQuantity::Advantage
             )
         })
     }
@@ -250,16 +243,14 @@ impl Axis {
             AxisChoice::Action => (0..spec.actions.len())
                 .map(|index| Self::action(spec, index))
                 .collect(),
-            AxisChoice::Reward { from, to } => vec![Self::without_unit(
-                "reward",
+            AxisChoice::Reward { from, to } => vec![Self::of_all_tasks(
+                StateQuantity::Reward,
                 [from.get_f32(), to.get_f32()],
-                Source::Reward,
             )],
             AxisChoice::Advantage { from, to } => {
-                vec![Self::without_unit(
-                    "advantage",
+                vec![Self::of_all_tasks(
+                    StateQuantity::Advantage,
                     [from.get_f32(), to.get_f32()],
-                    Source::Advantage,
                 )]
             }
             AxisChoice::IntrinsicReward => bonus.scale_end().into_iter().map(Self::bonus).collect(),
@@ -279,7 +270,8 @@ impl Axis {
     pub(super) fn observation(quantity: &Quantity, index: usize) -> Self {
         Self {
             quantity: quantity.clone(),
-            source: Source::Observation(index),
+            source: StateQuantity::Observation(index),
+            choice: Choice::Continuous,
         }
     }
 
@@ -287,32 +279,26 @@ impl Axis {
         let action = &spec.actions[index];
         Self {
             quantity: action.quantity.clone(),
-            source: Source::Action(index, action.choice.clone()),
+            source: StateQuantity::Action(index),
+            choice: action.choice.clone(),
         }
     }
 
     /// The axis of steps within an episode.
     pub(super) fn step(time_limit: u32) -> Self {
-        Self::without_unit("step", [0.0, time_limit.max(1) as f32], Source::Step)
+        Self::of_all_tasks(StateQuantity::Step, [0.0, time_limit.max(1) as f32])
     }
 
     /// The axis of the intrinsic reward, from 0 to `scale_end`.
     fn bonus(scale_end: f32) -> Self {
-        Self::without_unit(
-            "intrinsic reward",
-            [0.0, scale_end],
-            Source::IntrinsicReward,
-        )
+        Self::of_all_tasks(StateQuantity::IntrinsicReward, [0.0, scale_end])
     }
 
-    fn without_unit(name: &str, range: [f32; 2], source: Source) -> Self {
+    fn of_all_tasks(source: StateQuantity, range: [f32; 2]) -> Self {
         Self {
-            quantity: Quantity {
-                name: name.to_owned(),
-                unit: String::new(),
-                range,
-            },
+            quantity: source.with_range(range),
             source,
+            choice: Choice::Continuous,
         }
     }
 
@@ -322,15 +308,17 @@ impl Axis {
     }
 
     fn value(&self, state: &VisitedState<'_>) -> f32 {
-        match &self.source {
-            Source::Step => state.step as f32,
-            Source::Observation(index) => state.observation[*index],
-            Source::Action(index, choice) => state
+        match self.source {
+            StateQuantity::Observation(index) => state.observation[index],
+            StateQuantity::Action(index) => state
                 .action
-                .map_or(0.0, |action| action_value(choice, action[*index])),
-            Source::Reward => state.reward,
-            Source::Advantage => state.advantage,
-            Source::IntrinsicReward => state.bonus,
+                .map_or(0.0, |action| action_value(&self.choice, action[index])),
+            StateQuantity::Reward => state.reward,
+            StateQuantity::IntrinsicReward => state.bonus,
+            StateQuantity::Advantage => state.advantage,
+            StateQuantity::Step => state.step as f32,
+            // They have no axis here.
+            StateQuantity::Episode | StateQuantity::Return => f32::NAN,
         }
     }
 }

@@ -117,7 +117,7 @@ fn row(fraction: f32) -> usize {
 mod tests {
     use super::super::axes::tests::{spec, state_at};
     use super::*;
-    use crate::record::PairChoice;
+    use crate::scenario::recording::PairChoice;
     use seedbed_input::numbers::ranged_count;
 
     /// With bonuses of 1 and 3 in the lower left cell and of 5 in the upper right cell, the means

@@ -2,7 +2,8 @@
 
 use super::axes::VisitedState;
 use super::fraction;
-use crate::record::{BonusRange, ColorBy};
+use crate::run::recorder::BonusRange;
+use crate::scenario::recording::ColorBy;
 use seedbed_env::{Status, TaskSpec};
 use seedbed_figure::color::dark::{categorical_color, sequential_color};
 use seedbed_learn::experience::Episode;

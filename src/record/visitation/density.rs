@@ -236,7 +236,8 @@ fn log2_in_256ths(n: u32) -> u32 {
 mod tests {
     use super::super::axes::tests::spec;
     use super::*;
-    use crate::record::{AxisChoice, BonusRange};
+    use crate::run::recorder::BonusRange;
+    use crate::scenario::recording::AxisChoice;
 
     fn axes(observations: usize) -> Axes {
         Axes::of(

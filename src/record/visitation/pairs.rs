@@ -1,7 +1,7 @@
 //! Scatter plots of pairs of observations: a row of square panels with one point per state.
 
 use super::axes::{Axis, VisitedState};
-use crate::record::PairChoice;
+use crate::scenario::recording::PairChoice;
 use seedbed_env::TaskSpec;
 
 /// Number of cells along each side of a panel; a cell is a pixel.
@@ -23,7 +23,7 @@ impl Pairs {
     ///
     /// # Panics
     /// If a chosen name is not an observation of the task. This is prevented by
-    /// [`check_pairs`](crate::record::RecordingSettings::check_pairs), which reports such names as
+    /// [`check_pairs`](crate::scenario::recording::RecordingSettings::check_pairs), which reports such names as
     /// errors.
     #[must_use]
     pub fn of(spec: &TaskSpec, choice: &PairChoice) -> Self {

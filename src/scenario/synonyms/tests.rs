@@ -1,5 +1,4 @@
 use super::*;
-use crate::scenario::overrides::apply;
 
 const ALGORITHM_NAMES: [&str; 9] = [
     "SeedPg",
@@ -193,8 +192,8 @@ fn suggestions_can_be_pasted() {
             let fields =
                 ron_fields::nested(&suggestion.assignments, |path| opening_of(&document, path));
             for assignment in &suggestion.assignments {
-                document =
-                    apply(&document, assignment).unwrap_or_else(|error| panic!("{name}: {error}"));
+                document = apply_value(&document, assignment)
+                    .unwrap_or_else(|error| panic!("{name}: {error}"));
             }
             document
                 .value
@@ -228,8 +227,9 @@ fn every_name_is_unique_and_simplified() {
 
 /// The error of a scenario file.
 fn help_in_file(text: &str) -> String {
-    let parsed = crate::scenario::overrides::parse::<Scenario>("x.ron".as_ref(), text);
-    parsed.unwrap_err().help.unwrap_or_default()
+    let parsed = seedbed_input::parse::<Scenario>("x.ron", text.to_owned());
+    let explained = explain::<Scenario>(text, parsed.unwrap_err());
+    explained.help.unwrap_or_default()
 }
 
 #[test]

@@ -13,12 +13,12 @@ use super::source::SolvedAt;
 use super::{Problem, Settings};
 use crate::experiment::measure::Curve;
 use crate::experiment::run_result::{Milestone, RunResult};
-use crate::record::RoundRow;
 use crate::record::state_files::{EndedEpisode, Learners, NotedEpisodes, StateFiles};
 use crate::record::table;
-use crate::run::checksums::Checksums;
+use crate::run::facts;
+use crate::run::facts::RoundRow;
 use crate::run::folder::RunFolder;
-use crate::run::summary;
+use crate::run::folder::checksums::Checksums;
 use crate::scenario::Rounding;
 use seedbed_input::InputError;
 use seedbed_input::limits::MAX_AGENTS_OF_OTHERS;
@@ -205,7 +205,7 @@ fn read_episodes(file: &DataFile) -> Result<Vec<Episode>, InputError> {
 #[derive(Deserialize)]
 struct SummaryOfOthers {
     #[serde(default)]
-    solved_at: Option<summary::SolvedAt>,
+    solved_at: Option<facts::SolvedAt>,
     /// The learner of each agent.
     #[serde(default)]
     learners: Option<Vec<u32>>,

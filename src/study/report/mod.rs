@@ -17,7 +17,7 @@ use tables::Table;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::run::files;
+use crate::storage::files;
 use crate::study::evaluate::claims::ClaimResult;
 use crate::study::evaluate::results::Results;
 use crate::study::evaluate::rows;

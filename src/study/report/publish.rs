@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
-use crate::run::checksums::sha256;
-use crate::run::files;
+use crate::storage::files;
+use crate::storage::hashes::sha256;
 use crate::study::evaluate::claims::ClaimResult;
 use crate::study::evaluate::published::{BUILDS, Builds, MANIFEST, TABLE};
 use crate::study::evaluate::results::Results;

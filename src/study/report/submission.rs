@@ -18,7 +18,7 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 use crate::experiment;
 use crate::input_files::{self, Directory};
 use crate::provenance;
-use crate::run::files;
+use crate::storage::files;
 use crate::study::design::FormerDigests;
 use crate::study::design::lock::Lock;
 use crate::study::design::plan::StudyPlan;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::run::checksums;
+use crate::storage::hashes::sha256;
 use crate::study::design::cell::{Cell, CellDescription, shown_path};
 use crate::study::design::file::Study;
 use crate::study::design::lock::Lock;
@@ -66,7 +66,7 @@ pub(super) fn has_own_checksum(text: &str) -> Result<bool, String> {
     let sum = rest
         .strip_suffix(JSON_END)
         .and_then(|sum| sum.strip_suffix('"'));
-    if sum == Some(checksums::sha256(fields).as_str()) {
+    if sum == Some(sha256(fields).as_str()) {
         return Ok(true);
     }
     Err(
@@ -81,7 +81,7 @@ impl Manifest {
     pub(in crate::study) fn to_json(&self) -> String {
         let json = to_json(self);
         let fields = json.strip_suffix(JSON_END).unwrap_or(&json);
-        let sum = checksums::sha256(fields);
+        let sum = sha256(fields);
         format!("{fields}{CHECKSUM_FIELD}{sum}\"{JSON_END}")
     }
 

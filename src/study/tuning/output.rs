@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::plan::{TunedMethod, TuningPlan, configuration_name, ron_list, ron_text};
 use super::search::{Score, Search, Tried};
 use crate::experiment::measure::Measure;
-use crate::run::files;
+use crate::storage::files;
 use crate::study::evaluate::column;
 use crate::text::short_number as number;
 use crate::text::{align_columns, pluralize, spreadsheet_cell};

@@ -10,10 +10,10 @@ use xxhash_rust::xxh64::{Xxh64, xxh64};
 
 use seedbed::record::RecordedStates;
 use seedbed::record::state_files::StateFiles;
+use seedbed::review::overview::RunOverview;
 use seedbed::run::Plan;
-use seedbed::run::checkpoint::Checkpoint;
-use seedbed::run::overview::RunOverview;
-use seedbed::run::trainer::Trainer;
+use seedbed::run::folder::checkpoint::Checkpoint;
+use seedbed::run::training::Trainer;
 use seedbed::study::evaluate::claims;
 use seedbed::study::evaluate::results::Results;
 use seedbed::study::report;
@@ -67,7 +67,7 @@ const ALGORITHMS: [(&str, &str); 10] = [
     ("cross_entropy", "algorithm: CrossEntropy()"),
 ];
 
-/// Length of the header of a checkpoint; see `src/run/sealed.rs`.
+/// Length of the header of a checkpoint; see `src/storage/sealed.rs`.
 const SEAL: usize = 32;
 
 /// Runs each algorithm for a few episodes.

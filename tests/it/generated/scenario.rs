@@ -6,8 +6,8 @@ use std::path::Path;
 
 use rand::RngExt;
 use schemars::{JsonSchema, SchemaGenerator};
-use seedbed::record::RecordingSettings;
 use seedbed::scenario::Scenario;
+use seedbed::scenario::recording::RecordingSettings;
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::cross_entropy::CrossEntropy;
 use seedbed_learn::algorithms::leader_followers::LeaderFollowers;

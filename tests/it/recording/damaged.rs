@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use seedbed::record::recording::Recording;
-use seedbed::record::{ReadError, RecordedEpisode, RecordingSettings};
+use seedbed::record::{ReadError, RecordedEpisode};
+use seedbed::scenario::recording::RecordingSettings;
 
 use super::record;
 use super::synthetic_run::SyntheticRun;

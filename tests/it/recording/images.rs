@@ -3,7 +3,8 @@
 use rerun::StoreKind;
 use rerun::log::LogMsg;
 use seedbed::record::rerun::RerunRecorder;
-use seedbed::record::{AxisChoice, ColorBy, Difference, Recorder, RecordingSettings};
+use seedbed::run::recorder::Recorder;
+use seedbed::scenario::recording::{AxisChoice, ColorBy, Difference, RecordingSettings};
 use seedbed_env::Status;
 use seedbed_figure::color::dark::sequential_color;
 use seedbed_input::numbers::ranged_count;

@@ -25,7 +25,8 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use seedbed::record::rerun::RerunRecorder;
-use seedbed::record::{Recorder, RecordingSettings};
+use seedbed::run::recorder::Recorder;
+use seedbed::scenario::recording::RecordingSettings;
 use seedbed_env::Status;
 use seedbed_learn::experience::Episode;
 

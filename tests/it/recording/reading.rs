@@ -7,7 +7,8 @@ use seedbed::record::RecordedEpisode;
 use seedbed::record::rerun::Recording;
 use seedbed::record::rerun::RerunRecorder;
 use seedbed::record::visitation::Axes;
-use seedbed::record::{BonusRange, Recorder, RecordingSettings};
+use seedbed::run::recorder::{BonusRange, Recorder};
+use seedbed::scenario::recording::RecordingSettings;
 
 use super::synthetic_run::SyntheticRun;
 use super::{record, record_rounds, set_file_length};

@@ -4,9 +4,10 @@
 use std::path::Path;
 
 use seedbed::record::rerun::RerunRecorder;
-use seedbed::record::{AxisChoice, Recorder, RecordingSettings, RoundRecord};
 use seedbed::run::Plan;
-use seedbed::run::trainer::Trainer;
+use seedbed::run::recorder::{Recorder, RoundRecord};
+use seedbed::run::training::Trainer;
+use seedbed::scenario::recording::{AxisChoice, RecordingSettings};
 use seedbed_input::numbers::{FiniteNumber, ranged_count, ranged_number};
 
 use super::super::util::REPOSITORY;

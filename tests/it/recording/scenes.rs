@@ -1,7 +1,8 @@
 //! Recorded scenes: poses of bodies, forces, traces, and the camera.
 
 use seedbed::record::recording::Recording;
-use seedbed::record::{BodyTrajectory, RecordingSettings, SceneSettings};
+use seedbed::run::facts::BodyTrajectory;
+use seedbed::scenario::recording::{RecordingSettings, SceneSettings};
 use seedbed_env::{Force, ForceSource, Pose, SceneRope, SceneRopeEnd};
 use seedbed_input::numbers::ranged_count;
 use seedbed_learn::experience::Episode;

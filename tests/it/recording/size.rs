@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use rerun::log::{Chunk, LogMsg};
-use seedbed::record::RecordingSettings;
+use seedbed::scenario::recording::RecordingSettings;
 use seedbed_env::Quantity;
 
 use super::contents::messages;

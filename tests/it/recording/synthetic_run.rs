@@ -1,7 +1,8 @@
 //! A synthetic run, with episodes that were not produced by training, as input for recorders.
 
-use seedbed::record::{BodyTrajectory, BonusRange, EpisodeRow, Recorder, RoundRecord, RoundRow};
-use seedbed::record::{Focus, RunInfo};
+use seedbed::run::facts::{BodyTrajectory, EpisodeRow, RoundRow};
+use seedbed::run::recorder::{BonusRange, Recorder, RoundRecord};
+use seedbed::run::recorder::{Focus, RunInfo};
 use seedbed_env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Status, TaskSpec};
 use seedbed_learn::experience::{Episode, StepData};
 

@@ -7,7 +7,7 @@ use seedbed::record::recording::RecordingFile;
 use seedbed::record::table::TableFiles;
 use seedbed::run::folder::RunFolder;
 use seedbed::run::ranks::Ranks;
-use seedbed::run::trainer::Trainer;
+use seedbed::run::training::Trainer;
 use seedbed::run::{Observer, Options, Plan, Progress, RecorderFactories, RunOutcome, execute};
 use seedbed_env::Choice;
 use seedbed_learn::experience::{Episode, StepData};

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use seedbed::record::rerun::RerunRecorder;
-use seedbed::record::{Recorder, RecordingSettings};
+use seedbed::run::recorder::Recorder;
+use seedbed::scenario::recording::RecordingSettings;
 
 use super::contents::RecordingContents;
 use super::synthetic_run::SyntheticRun;

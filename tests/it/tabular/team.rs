@@ -1,7 +1,7 @@
 //! Results of tabular runs: the same run seed gives the same bits, and regrets agree with values
 //! derived by hand and with published comparisons.
 
-use seedbed::scenario::overrides::Resolve;
+use seedbed::scenario::resolve::Resolve;
 use seedbed::tabular::TabularScenario;
 use seedbed::tabular::results::Results;
 use seedbed::tabular::team::{Episode, TabularTeam};

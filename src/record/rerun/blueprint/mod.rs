@@ -22,10 +22,10 @@ use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, StoreKind, TimePoi
 use super::error::RecordingError;
 use super::layouts::Layouts;
 use super::rows::{EPISODE, rgb, single_row_chunk};
-use crate::record::Difference;
-use crate::record::Focus;
-use crate::record::metrics::{Metric, Range, round_metrics_in_display_order};
 use crate::record::visitation::LineQuota;
+use crate::run::facts::metrics::{Metric, Range, round_metrics_in_display_order};
+use crate::run::recorder::Focus;
+use crate::scenario::recording::Difference;
 use seedbed_scene::camera::Bounds;
 
 /// Maximum number of agents in a legend. A larger legend would cover the curves.

@@ -9,7 +9,8 @@ use super::super::annotations::PanelLayout;
 use super::super::layouts::{Arrangement, SCALE_WIDTH, TEAM_SHARE};
 use super::super::rows::{ENV_STEP, EPISODE, ROUND};
 use super::{BlueprintConfig, ViewBuilder};
-use crate::record::{Difference, Focus};
+use crate::run::recorder::Focus;
+use crate::scenario::recording::Difference;
 
 /// A view of images with a common layout.
 struct ImageViewSpec<'a> {

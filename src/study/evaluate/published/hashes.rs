@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 
 use serde::Deserialize;
 
-use crate::run::checksums::sha256;
+use crate::storage::hashes::sha256;
 use crate::study::evaluate::results::ResultsError;
 use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, MAX_TABLE_BYTES, read_bytes};
 

@@ -4,9 +4,9 @@
 use super::{UnnumberedFigure, names_without_common_parts};
 use crate::experiment::run_result::VisitedStates;
 use crate::plotting::axis_with_shares;
-use crate::record::BonusRange;
 use crate::record::visitation::{AXIS_HEIGHT, Axes, Density, Unplaced, VisitedState};
 use crate::record::{difference_of_quantities, widen};
+use crate::run::recorder::BonusRange;
 use crate::study::design::figure::EpisodeWindow;
 use crate::study::evaluate::results::CellResults;
 use crate::text::pluralize;

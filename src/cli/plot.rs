@@ -1,0 +1,356 @@
+//! `seedbed plot`: draws visited states and returns of one or more runs, or example distributions,
+//! as a figure.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use super::progress::ReadCounter;
+use super::{CliError, open_run, pluralize};
+use seedbed::figures::{FigureError, FigureSettings, Part, RunFigure, distributions};
+use seedbed::run::folder::run_folder;
+use seedbed::scenario::recording;
+use seedbed::storage::files;
+use seedbed_figure::{Figure, Panel};
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed plot recordings/cartpole/seed-0           one page: visited states, density, returns
+  seedbed plot recordings/cartpole/seed-0 --what visitation --agents 3 --episodes 0..50 --out agent3.png
+                                                    states agent 3 visited in its first 50 episodes
+  seedbed plot recordings/cartpole/seed-0 --what visitation --agents 3 --colour episode --axes x,theta
+  seedbed plot recordings/cartpole/seed-0 --what visitation --where theta=0.1.. --where return=..100
+  seedbed plot results/sigma-0 results/sigma-0.1 results/sigma-1 --what visitation --out sigma.svg
+                                                    several runs side by side
+  seedbed plot recordings/cartpole/seed-0 --what scatter,returns --size 900x700 --out figure.svg
+  seedbed plot --distributions --out examples.svg   how parallel coordinates show seven distributions
+  seedbed plot --distributions ring,parabola --out two.png
+
+If every panel has at most --lines states, each state is drawn as a line. Otherwise all panels show densities \
+on a common scale: the number of states per pixel or, with several panels, the share of the states of the \
+panel. Use --colour to always draw single states, and --lines 0 to always draw densities.")]
+pub(super) struct PlotArgs {
+    /// Run directories or recordings; several are drawn side by side
+    #[arg(required_unless_present = "distributions", value_name = "RUN")]
+    runs: Vec<PathBuf>,
+    /// Write the figure to FILE.svg or FILE.png [default: plot.svg in the run directory; with
+    /// several runs, plot.svg in the current directory]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Draw these parts, one below the other; separate with commas [default:
+    /// visitation,difference,density,returns]
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "PART,PART…")]
+    what: Vec<PlotPart>,
+    /// Draw only these agents, e.g. 0,3 [default: the first 8, one panel each; with several runs,
+    /// all agents in one panel per run]
+    #[arg(long, value_delimiter = ',', value_name = "N,N…")]
+    agents: Vec<u32>,
+    /// Draw only states of these episodes of each agent, B excluded, e.g. 0..50, 150.. or ..50
+    /// [default: all]
+    #[arg(long, value_name = "A..B", value_parser = parse_episodes)]
+    episodes: Option<Range<u32>>,
+    /// Draw only states in this range of an observation, an action, reward, step, return or another
+    /// quantity, e.g. theta=-0.1..0.2 or return=150..; can be repeated. If several have a name, write
+    /// its kind as well, e.g. action:x=0..
+    #[arg(long = "where", value_name = "NAME=LOW..HIGH")]
+    conditions: Vec<String>,
+    /// Draw only these axes, in this order, e.g. theta,x [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "NAME,NAME…")]
+    axes: Vec<String>,
+    /// Color states by this quantity; states are then drawn one by one
+    #[arg(long = "colour", alias = "color", value_enum, value_name = "QUANTITY")]
+    color_by: Option<ColorBy>,
+    /// Maximum number of states that a panel draws one by one
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(0..=100_000))]
+    lines: u32,
+    /// Page size in CSS pixels, e.g. 760x900; a PNG is rendered at 2× [default: 760 wide, height
+    /// fits the content]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<[f64; 2]>,
+    /// Instead of runs, draw 80 points of these example distributions, each as parallel coordinates
+    /// and as a scatter plot [default: all]
+    #[arg(
+        long,
+        value_enum,
+        num_args = 0..,
+        value_delimiter = ',',
+        value_name = "NAME,NAME…",
+        conflicts_with_all = ["runs", "what", "agents", "episodes", "conditions", "axes", "color_by", "lines"]
+    )]
+    distributions: Option<Vec<Distribution>>,
+}
+
+/// A part of the page that can be selected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PlotPart {
+    /// Visited states as parallel coordinates: one axis per observation, one line per state
+    Visitation,
+    /// Visited states of all agents together, as a density
+    Density,
+    /// Difference of each agent from the team: where its share of states is above (orange) or below
+    /// (blue) that of all agents; with several runs, of each run from the first
+    Difference,
+    /// Returns over episodes
+    Returns,
+    /// Columns of rounds.csv: coverage, entropy, losses and others
+    Curves,
+    /// Visited states in the plane of each pair of axes
+    Scatter,
+    /// All of the above
+    All,
+}
+
+/// The quantity that determines the color of a state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ColorBy {
+    /// The agent
+    Agent,
+    /// The number of the agent's episode
+    Episode,
+    /// The return of the episode
+    Return,
+    /// How the episode ended
+    Outcome,
+    /// The intrinsic reward of the action taken in the state
+    IntrinsicReward,
+}
+
+/// An example distribution of two quantities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Distribution {
+    /// Independent standard normal x and y
+    Normal,
+    /// Standard normal x and y with correlation 0.95
+    PositiveCorrelation,
+    /// Standard normal x and y with correlation -0.95
+    NegativeCorrelation,
+    /// Uniform in the square from -2 to 2
+    Square,
+    /// Two normal clusters around (-1.5, -1.5) and (1.5, 1.5), standard deviation 0.35
+    Clusters,
+    /// Uniform angle on a circle of radius 2, normal radius with standard deviation 0.1
+    Ring,
+    /// Uniform x from -2 to 2, y = x² - 2 plus normal noise with standard deviation 0.1
+    Parabola,
+}
+
+/// Number of PNG pixels per CSS pixel, along each side.
+const PNG_SCALE: f64 = 2.0;
+
+pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
+    let out = args.out.clone().unwrap_or_else(|| default_out(&args.runs));
+    let is_png = is_png(&out)?;
+    let mut figure = if let Some(names) = &args.distributions {
+        let chosen: Vec<_> = names.iter().map(|&name| name.into()).collect();
+        distributions::figure(&chosen)
+    } else {
+        figure_of_runs(args)?
+    };
+    if let Some([width, height]) = args.size {
+        figure.resize(width, height);
+    }
+    let bytes = if is_png {
+        figure
+            .png(PNG_SCALE)
+            .map_err(|error| CliError::Usage(error.to_string()))?
+    } else {
+        figure.svg().into_bytes()
+    };
+    files::remove_abandoned_of(&out);
+    files::write_to(&out, &bytes)
+        .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", out.display())))?;
+    say!("{}: {}", out.display(), size_text(&figure, is_png));
+    Ok(())
+}
+
+fn size_text(figure: &Figure, is_png: bool) -> String {
+    let panels = figure.rows.iter().flat_map(|row| &row.panels);
+    let panels = panels.filter(|panel| **panel != Panel::Blank).count();
+    let scale = if is_png { PNG_SCALE } else { 1.0 };
+    let [width, height] = [figure.width, figure.height()].map(|side| (side * scale).round());
+    format!("{}, {width} × {height} pixels", pluralize(panels, "panel"))
+}
+
+fn default_out(runs: &[PathBuf]) -> PathBuf {
+    match runs {
+        [run] if run.is_dir() => run_folder(run).path().join("plot.svg"),
+        [run] => run.with_extension("svg"),
+        _ => PathBuf::from("plot.svg"),
+    }
+}
+
+/// Whether the extension of the output file is `.png`; an error unless it is `.png` or `.svg`.
+fn is_png(out: &Path) -> Result<bool, CliError> {
+    match out.extension().and_then(|extension| extension.to_str()) {
+        Some("svg") => Ok(false),
+        Some("png") => Ok(true),
+        _ => Err(CliError::Usage(format!(
+            "--out {}: expected FILE.svg or FILE.png",
+            out.display()
+        ))),
+    }
+}
+
+/// Reads and draws the runs.
+fn figure_of_runs(args: &PlotArgs) -> Result<Figure, CliError> {
+    let opened = args.runs.iter().map(|path| open_run(path));
+    let opened = opened.collect::<Result<Vec<_>, _>>()?;
+    let counter = ReadCounter::new("episodes read");
+    let figure = RunFigure::read(args.settings(), opened, &mut || counter.count());
+    let drawn = figure.and_then(|figure| figure.draw());
+    let (figure, notes) = drawn.map_err(usage_error)?;
+    for text in notes {
+        note!("note: {text}");
+    }
+    Ok(figure)
+}
+
+/// The error with the options that it is about.
+fn usage_error(error: FigureError) -> CliError {
+    let reason = error.to_string();
+    CliError::Usage(match error {
+        FigureError::NotRecorded(_) => {
+            format!("{reason}; use --what returns,curves, which needs only the tables")
+        }
+        FigureError::OtherAxes(_) => {
+            format!("{reason}, or only what has no axes: --what returns,curves")
+        }
+        FigureError::NoAgent { .. } => format!("--agents: {reason}"),
+        FigureError::NoAxis { .. } | FigureError::TooFewAxes => format!("--axes: {reason}"),
+        FigureError::Condition { .. } => format!("--where {reason}"),
+        FigureError::NoEpisodes(run) => format!(
+            "{} has no episodes that match --agents and --episodes",
+            run.display()
+        ),
+        FigureError::NoStates(run) => {
+            format!("{} has no states that meet --where", run.display())
+        }
+        FigureError::NoRounds(_) => format!("{reason}, which --what curves needs"),
+        FigureError::NoTeam(_) => format!("--what difference: {reason}"),
+        FigureError::NoBonus(_) => format!("--colour intrinsic-reward: {reason}"),
+        FigureError::Run(_) => reason,
+    })
+}
+
+impl PlotArgs {
+    fn settings(&self) -> FigureSettings {
+        FigureSettings {
+            parts: self.what.iter().map(|&part| part.into()).collect(),
+            agents: self.agents.clone(),
+            episodes: self.episodes.clone(),
+            conditions: self.conditions.clone(),
+            axes: self.axes.clone(),
+            color_by: self.color_by.map(Into::into),
+            max_lines: self.lines,
+        }
+    }
+}
+
+impl From<PlotPart> for Part {
+    fn from(part: PlotPart) -> Self {
+        match part {
+            PlotPart::Visitation => Self::Visitation,
+            PlotPart::Density => Self::Density,
+            PlotPart::Difference => Self::Difference,
+            PlotPart::Returns => Self::Returns,
+            PlotPart::Curves => Self::Curves,
+            PlotPart::Scatter => Self::Scatter,
+            PlotPart::All => Self::All,
+        }
+    }
+}
+
+impl From<ColorBy> for recording::ColorBy {
+    fn from(color_by: ColorBy) -> Self {
+        match color_by {
+            ColorBy::Agent => Self::Agent,
+            ColorBy::Episode => Self::Episode,
+            ColorBy::Return => Self::Return,
+            ColorBy::Outcome => Self::Outcome,
+            ColorBy::IntrinsicReward => Self::IntrinsicReward,
+        }
+    }
+}
+
+impl From<Distribution> for distributions::Distribution {
+    fn from(distribution: Distribution) -> Self {
+        match distribution {
+            Distribution::Normal => Self::Normal,
+            Distribution::PositiveCorrelation => Self::PositiveCorrelation,
+            Distribution::NegativeCorrelation => Self::NegativeCorrelation,
+            Distribution::Square => Self::Square,
+            Distribution::Clusters => Self::Clusters,
+            Distribution::Ring => Self::Ring,
+            Distribution::Parabola => Self::Parabola,
+        }
+    }
+}
+
+/// Parses a range of episodes, e.g. `0..50`, `150..` and `..50`.
+pub(super) fn parse_episodes(text: &str) -> Result<Range<u32>, String> {
+    let expected = "expected A..B, e.g. 0..50 for the first 50 episodes";
+    let (from, to) = text.split_once("..").ok_or(expected)?;
+    let parse_end = |text: &str, default: u32| {
+        if text.is_empty() {
+            Ok(default)
+        } else {
+            text.parse().map_err(|_| expected)
+        }
+    };
+    let range = parse_end(from, 0)?..parse_end(to, u32::MAX)?;
+    if range.is_empty() {
+        Err("the range is empty; expected A below B".to_owned())
+    } else {
+        Ok(range)
+    }
+}
+
+/// Parses a size, e.g. `760x900`.
+fn parse_size(text: &str) -> Result<[f64; 2], String> {
+    let expected = "expected WIDTHxHEIGHT, e.g. 760x900, each from 100 to 10000";
+    let (width, height) = text.split_once(['x', '×']).ok_or(expected)?;
+    let parse_side = |text: &str| {
+        text.parse::<f64>()
+            .ok()
+            .filter(|side| (100.0..=10_000.0).contains(side))
+            .ok_or(expected)
+    };
+    Ok([parse_side(width)?, parse_side(height)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn episodes_are_parsed_as_a_range_with_optional_ends() {
+        assert_eq!(
+            (
+                parse_episodes("0..50"),
+                parse_episodes("..7"),
+                parse_episodes("9..")
+            ),
+            (Ok(0..50), Ok(0..7), Ok(9..u32::MAX))
+        );
+        assert_eq!(
+            parse_episodes("5..5").unwrap_err(),
+            "the range is empty; expected A below B"
+        );
+        assert!(
+            parse_episodes("five")
+                .unwrap_err()
+                .starts_with("expected A..B")
+        );
+    }
+
+    #[test]
+    fn sizes_are_parsed_as_width_and_height() {
+        assert_eq!(parse_size("760x900"), Ok([760.0, 900.0]));
+        assert!(
+            parse_size("760").is_err()
+                && parse_size("0x5").is_err()
+                && parse_size("1e9x500").is_err()
+        );
+    }
+}

@@ -1,0 +1,198 @@
+//! The training loop, from the first round to the files of a finished run.
+//!
+//! [`execute`] is the loop; `resume` begins it from a checkpoint, `ending` completes the files.
+//! `round_recorder` passes rounds to the recorders, `checkpoint_writer` and `replay_file` store
+//! checkpoints, [`stopping`] ends rounds after an interruption.
+
+mod active_run;
+pub(crate) mod checkpoint_schedule;
+mod checkpoint_writer;
+mod ending;
+mod progress;
+mod replay_file;
+mod resume;
+mod round_recorder;
+mod same_run;
+pub(crate) mod stopping;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use self::active_run::{ActiveRun, AfterRound};
+use self::checkpoint_schedule::CheckpointSchedule;
+use self::checkpoint_writer::CheckpointWriter;
+pub(crate) use self::ending::write_checksums_of_results;
+use self::ending::{finish, gather_tensors};
+pub use self::progress::{Observer, Options, Progress, RecorderFactories, RunOutcome};
+use self::resume::{create_recorders, resume_run};
+pub(super) use self::round_recorder::RoundRecorder;
+use self::round_recorder::{CheckpointKind, Recorders};
+use self::stopping::RoundDurations;
+use crate::run::error::RunError;
+use crate::run::folder::checkpoint::Checkpoint;
+use crate::run::plan::Plan;
+use crate::run::training::Trainer;
+use seedbed_input::InputError;
+use seedbed_learn::cancellation::Cancellation;
+
+/// Trains until the scenario's `stop` is reached or `interrupted` is set. After an interruption, the
+/// checkpoint has the last whole round: that which is being played, if it ends within a second, otherwise
+/// that before it. If a number is not finite, it has the round before. `recorder_factories` make
+/// the recorders. A resumed run continues with the recorders with which it began; further factories
+/// are ignored. If a recorder has no factory, the run goes on without it, and what it
+/// recorded is kept in another file.
+///
+/// If the run is divided over ranks, rank 0 records, and the others only play and learn.
+///
+/// # Errors
+/// A file could not be read or written, or a number is not finite. Files that were written before
+/// the error can still be read. If the run is divided over ranks, the others wait until this process
+/// ends them.
+pub fn execute(
+    plan: &Plan,
+    options: &Options,
+    recorder_factories: RecorderFactories,
+    observer: &mut dyn Observer,
+    interrupted: &AtomicBool,
+) -> Result<RunOutcome, RunError> {
+    if !options.ranks.is_first() {
+        return follow(plan, options, interrupted);
+    }
+    if !options.ranks.is_single() {
+        // A rank that abandons its round would let the others wait.
+        let never = Cancellation::default();
+        return lead(
+            plan,
+            options,
+            recorder_factories,
+            observer,
+            interrupted,
+            &never,
+        );
+    }
+    stopping::with_grace(interrupted, |cancellation| {
+        lead(
+            plan,
+            options,
+            recorder_factories,
+            observer,
+            interrupted,
+            cancellation,
+        )
+    })
+}
+
+/// What rank 0 does, or the only process. `cancellation` ends a round that lasts long after the
+/// interruption.
+fn lead(
+    plan: &Plan,
+    options: &Options,
+    recorder_factories: RecorderFactories,
+    observer: &mut dyn Observer,
+    interrupted: &AtomicBool,
+    cancellation: &Cancellation,
+) -> Result<RunOutcome, RunError> {
+    let begin = || begin(plan, options, recorder_factories, observer);
+    let Some(begun) = cancellation.run(begin) else {
+        return Ok(RunOutcome::Interrupted { rounds: 0 });
+    };
+    let (trainer, recorders, checkpoints) = options.ranks.agree(begun)?;
+    let mut run = ActiveRun {
+        plan,
+        options,
+        recorder: RoundRecorder::new(recorders, trainer.agent_count(), options.threads),
+        trainer,
+        checkpoints,
+        schedule: CheckpointSchedule::of(&plan.scenario),
+        durations: RoundDurations::new(),
+        has_warned: false,
+    };
+    observer.begun(&Progress::of(plan, &run.trainer));
+    while !run.trainer.is_done() {
+        let Some(round) = run.play_round(cancellation, observer)? else {
+            let rounds = run.checkpoints.newest_rounds();
+            return Ok(RunOutcome::Interrupted { rounds });
+        };
+        let rounds = run.trainer.rounds();
+        let episodes = run.trainer.newest_episodes();
+        run.recorder.record(rounds - 1, &episodes, round)?;
+        report_warnings(&mut run.recorder, observer);
+        observer.round_finished(&Progress::of(plan, &run.trainer));
+        if run.checkpoint_if_due(interrupted)? {
+            return Ok(RunOutcome::Interrupted { rounds });
+        }
+    }
+    let checkpoint = run.write_checkpoint(CheckpointKind::AtEnd);
+    let ending = checkpoint.and_then(|()| finish(plan, options, &run.trainer, &mut run.recorder));
+    report_warnings(&mut run.recorder, observer);
+    ending
+}
+
+/// Plays and learns for the agents of a rank that does not record.
+fn follow(
+    plan: &Plan,
+    options: &Options,
+    interrupted: &AtomicBool,
+) -> Result<RunOutcome, RunError> {
+    let mut trainer = options.ranks.agree(begin_to_follow(plan, options))?;
+    while !trainer.is_done() {
+        trainer.advance()?;
+        any_interrupted(options, interrupted);
+        let after = options.ranks.broadcast(AfterRound::default());
+        if after.is_saved {
+            let _own_part = trainer.save();
+        }
+        if after.is_interrupted {
+            return Ok(RunOutcome::Elsewhere);
+        }
+    }
+    let _own_part = trainer.save();
+    let _own_part = gather_tensors(options, &trainer);
+    Ok(RunOutcome::Elsewhere)
+}
+
+fn begin_to_follow(plan: &Plan, options: &Options) -> Result<Trainer, RunError> {
+    let mut trainer = build_trainer(plan, options)?;
+    if options.resume {
+        let folder = options.folder.path();
+        let checkpoint = Checkpoint::read(folder);
+        let restored = checkpoint.and_then(|read| read.restore(folder, &mut trainer));
+        restored.map_err(RunError::UnusableCheckpoint)?;
+    }
+    Ok(trainer)
+}
+
+/// Whether any rank was asked to stop.
+fn any_interrupted(options: &Options, interrupted: &AtomicBool) -> bool {
+    let interrupted = options
+        .ranks
+        .all_gather(interrupted.load(Ordering::Relaxed));
+    interrupted.contains(&true)
+}
+
+fn build_trainer(plan: &Plan, options: &Options) -> Result<Trainer, InputError> {
+    let Options { threads, ranks, .. } = options;
+    Trainer::on_ranks(&plan.scenario, &plan.description, *threads, *ranks)
+}
+
+/// The trainer, the recorders and the writer of checkpoints of a new run or a run to resume.
+fn begin(
+    plan: &Plan,
+    options: &Options,
+    recorder_factories: RecorderFactories,
+    observer: &mut dyn Observer,
+) -> Result<(Trainer, Recorders, CheckpointWriter), RunError> {
+    let mut trainer = build_trainer(plan, options)?;
+    let (recorders, checkpoints) = if options.resume {
+        resume_run(plan, options, recorder_factories, &mut trainer, observer)?
+    } else {
+        let recorders = create_recorders(plan, options, recorder_factories, &trainer)?;
+        (recorders, CheckpointWriter::new(options.folder.path()))
+    };
+    Ok((trainer, recorders, checkpoints))
+}
+
+fn report_warnings(recorder: &mut RoundRecorder, observer: &mut dyn Observer) {
+    for warning in recorder.take_warnings() {
+        observer.warn(&warning);
+    }
+}

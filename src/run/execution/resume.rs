@@ -1,0 +1,134 @@
+//! The recorders of a run that begins, and of one that is resumed from its checkpoint.
+
+use super::checkpoint_writer::CheckpointWriter;
+use super::ending::{replace_file, write_checksums};
+use super::round_recorder::Recorders;
+use super::same_run::check_same_run;
+use super::{Observer, Options, RecorderFactories};
+use crate::run::error::RunError;
+use crate::run::folder::RunFolder;
+use crate::run::folder::checkpoint::{Checkpoint, CheckpointError};
+use crate::run::folder::checksums::{Checksums, NewChecksums};
+use crate::run::plan::Plan;
+use crate::run::recorder::{Focus, RecorderFactory, RunInfo};
+use crate::run::training::Trainer;
+use crate::storage::files;
+
+pub(super) fn create_recorders(
+    plan: &Plan,
+    options: &Options,
+    recorder_factories: RecorderFactories,
+    trainer: &Trainer,
+) -> Result<Recorders, RunError> {
+    write_scenario(plan, &options.folder)?;
+    with_run_info(plan, trainer, |info| {
+        let create =
+            |factory: Box<dyn RecorderFactory>| Ok(factory.create(info, &plan.scenario.recording)?);
+        recorder_factories.into_iter().map(create).collect()
+    })
+}
+
+pub(super) fn resume_run(
+    plan: &Plan,
+    options: &Options,
+    recorder_factories: RecorderFactories,
+    trainer: &mut Trainer,
+    observer: &mut dyn Observer,
+) -> Result<(Recorders, CheckpointWriter), RunError> {
+    let folder = &options.folder;
+    Checksums::read(folder)?.verify_scenario()?;
+    check_same_run(plan, options)?;
+    let checkpoint = Checkpoint::read(folder.path()).map_err(RunError::UnusableCheckpoint)?;
+    let checkpoints = checkpoint
+        .restore(folder.path(), trainer)
+        .map_err(RunError::UnusableCheckpoint)?;
+    let states = &checkpoint.recorders;
+    if states.is_empty() {
+        let reason = "it has the states of no recorders".to_owned();
+        let path = folder.checkpoint_file();
+        return Err(RunError::UnusableCheckpoint(CheckpointError {
+            path,
+            reason,
+        }));
+    }
+    check_max_episodes(plan, options, trainer)?;
+    write_scenario(plan, folder)?;
+    if states.len() > recorder_factories.len() {
+        give_up_recording(folder, observer)?;
+    }
+    let recorders = with_run_info(plan, trainer, |info| {
+        let resume = |(factory, state): (Box<dyn RecorderFactory>, &Vec<u8>)| {
+            Ok(factory.resume(info, &plan.scenario.recording, state)?)
+        };
+        recorder_factories
+            .into_iter()
+            .zip(states)
+            .map(resume)
+            .collect::<Result<Recorders, RunError>>()
+    })?;
+    Ok((recorders, checkpoints))
+}
+
+/// Sets the recording of a run aside that is continued without it.
+fn give_up_recording(folder: &RunFolder, observer: &mut dyn Observer) -> Result<(), RunError> {
+    let aside = folder
+        .set_recording_aside()
+        .map_err(|error| RunError::File {
+            path: folder.unfinished_recording_file(),
+            error,
+        })?;
+    let kept = aside.map_or_else(
+        || "its file is gone".to_owned(),
+        |path| format!("what was recorded so far is kept in {}", path.display()),
+    );
+    observer.warn(&format!("the run continues without a recording: {kept}"));
+    Ok(())
+}
+
+/// Checks that the run to resume does not have more episodes than the plan allows.
+fn check_max_episodes(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<(), RunError> {
+    let episodes = trainer.measures().episodes_per_agent();
+    let max_episodes = plan.scenario.max_episodes();
+    if episodes <= max_episodes as usize {
+        return Ok(());
+    }
+    Err(RunError::CannotResume(format!(
+        "the run in {} has {episodes} episodes per agent already; it cannot end after {max_episodes}",
+        options.folder.path().display(),
+    )))
+}
+
+/// Calls `f` with the information about the run that recordings contain.
+fn with_run_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>) -> R) -> R {
+    let scenario = plan.stored_scenario();
+    f(&RunInfo {
+        name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
+        focus: Focus::Learning,
+        spec: trainer.spec(),
+        scene: trainer.scene(),
+        agents: trainer.agent_count() as u32,
+        bonus: plan.scenario.algorithm.largest_intrinsic_reward().into(),
+        max_episodes: plan.scenario.max_episodes(),
+        run_seed: plan.scenario.seed,
+        scenario: &scenario,
+        properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],
+    })
+}
+
+/// Writes the scenario, the copy of the task and their checksums. Checksums of earlier files are
+/// removed first: a run that is stopped in between has none instead of wrong ones.
+fn write_scenario(plan: &Plan, folder: &RunFolder) -> Result<(), RunError> {
+    let checksums = folder.checksums_file();
+    files::remove_if_exists(&checksums).map_err(|error| RunError::File {
+        path: checksums.clone(),
+        error,
+    })?;
+    let scenario = (folder.scenario_file(), plan.stored_scenario());
+    let task_file = folder.task_file(&plan.description.spec().name);
+    let mut sums = NewChecksums::default();
+    for (path, text) in [scenario, (task_file, plan.environment_text.clone())] {
+        replace_file(&path, text.as_bytes())?;
+        sums.add(folder, &path, text.as_bytes());
+    }
+    write_checksums(&sums, folder)
+}

@@ -1,0 +1,143 @@
+//! What a run passes to its recorders: finished rounds, and what a recording says about its run.
+//!
+//! The training loop gets one [`RecorderFactory`] per file, and passes each round to the [`Recorder`]
+//! that the factory makes. The module `record` has recorders.
+
+mod bonus;
+mod run_info;
+
+use std::path::PathBuf;
+
+pub use self::bonus::BonusRange;
+pub use self::run_info::{Focus, RunInfo};
+use super::facts::{BodyTrajectory, EpisodeRow, RoundRow};
+use crate::scenario::recording::RecordingSettings;
+use crate::storage::written::WrittenFile;
+use seedbed_learn::experience::{Episode, StepData};
+
+/// Records each round after it is finished. Must not change what is learned. A run calls its
+/// recorders in a thread of their own if it has more than one thread.
+pub trait Recorder: Send {
+    /// Records one round.
+    ///
+    /// # Errors
+    /// If the file cannot be written. Everything written before stays readable.
+    fn record_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordError>;
+
+    /// Writes everything recorded so far to the file, before the run ends or is interrupted. Without
+    /// this call, [`checkpoint`](Self::checkpoint) may keep the newest rows for larger blocks.
+    ///
+    /// # Errors
+    /// The file could not be written.
+    fn flush(&mut self) -> Result<(), RecordError> {
+        Ok(())
+    }
+
+    /// Writes the file to disk, and returns what is needed to resume after an interruption.
+    ///
+    /// # Errors
+    /// The file could not be written.
+    fn checkpoint(&mut self) -> Result<Vec<u8>, RecordError>;
+
+    /// The files with what was written of them at the latest [`checkpoint`](Self::checkpoint), so
+    /// that damage to it is noticed.
+    fn written_files(&self) -> Vec<WrittenFile> {
+        Vec::new()
+    }
+
+    /// Completes the file. Nothing may be recorded afterwards.
+    ///
+    /// # Errors
+    /// The file could not be completed; what was written before stays readable.
+    fn finish(&mut self) -> Result<(), RecordError>;
+
+    /// Takes the latest warning since the last call. A warning does not mean that
+    /// data is lost.
+    fn take_warning(&mut self) -> Option<String> {
+        None
+    }
+}
+
+/// Makes one recorder of a run, when the run begins or is resumed.
+pub trait RecorderFactory {
+    /// Starts recording a run from its first round.
+    ///
+    /// # Errors
+    /// A file could not be created.
+    fn create(
+        self: Box<Self>,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+    ) -> Result<Box<dyn Recorder>, RecordError>;
+
+    /// Resumes recording a run from where [`Recorder::checkpoint`] returned `checkpoint`.
+    ///
+    /// # Errors
+    /// The checkpoint belongs to another recorder or run, or a file could not be read or written.
+    fn resume(
+        self: Box<Self>,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+        checkpoint: &[u8],
+    ) -> Result<Box<dyn Recorder>, RecordError>;
+}
+
+/// One round of the whole team.
+#[derive(Clone, Copy, Debug)]
+pub struct RoundRecord<'a> {
+    /// Number of the round, from 0.
+    pub round: u32,
+    /// The round's episodes in (agent, episode) order.
+    pub episodes: &'a [&'a Episode],
+    /// One row per episode, in the same order.
+    pub episode_rows: &'a [EpisodeRow],
+    /// One row per update, in the order in which agents learned.
+    pub round_rows: &'a [RoundRow],
+    /// Values that updates computed for the steps of episodes, in (agent, episode) order. An
+    /// episode for which nothing was computed has no entry.
+    pub step_data: &'a [StepData],
+    /// Trajectories of the bodies, in the episodes of this round whose scene is recorded.
+    pub body_trajectories: &'a [BodyTrajectory],
+}
+
+impl RoundRecord<'_> {
+    /// Intrinsic rewards and advantages that an update computed for the steps of an episode; `None`
+    /// if it computed none.
+    #[must_use]
+    pub fn step_data_of(&self, episode: &Episode) -> Option<&StepData> {
+        let key = (episode.agent, episode.episode);
+        let data_key = |data: &StepData| (data.agent, data.episode);
+        let index = self.step_data.binary_search_by_key(&key, data_key).ok()?;
+        Some(&self.step_data[index])
+    }
+}
+
+/// Error: a file of a recording cannot be written or resumed.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot {attempt} {path}: {reason}")]
+pub struct RecordError {
+    /// The file.
+    pub path: PathBuf,
+    /// The operation that failed.
+    pub attempt: Attempt,
+    /// Reason of the failure.
+    pub reason: String,
+}
+
+/// An operation of a recorder on its file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Attempt {
+    /// Create the file or add to it.
+    Write,
+    /// Resume the file from a checkpoint.
+    Resume,
+}
+
+impl std::fmt::Display for Attempt {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Self::Write => "write",
+            Self::Resume => "resume",
+        })
+    }
+}

@@ -1,0 +1,239 @@
+//! The episodes that a group of agents is playing, one slot per agent.
+
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
+use super::episode_warning::EpisodeWarning;
+use crate::run::facts::BodyTrajectory;
+use crate::scenario::recording::SceneSettings;
+use seedbed_env::{Environment, Pose, Status};
+use seedbed_learn::agent::ActScratch;
+use seedbed_learn::experience::Episode;
+use seedbed_learn::team::{ActionRequest, Team};
+use seedbed_random::{Purpose, Stream, stream};
+use seedbed_scene::outline::terrain_lines;
+
+/// The episodes that consecutive agents are playing, one slot per agent. The agents act in
+/// consecutive copies of an environment.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct EpisodeSlots {
+    pub(super) slots: Vec<EpisodeSlot>,
+    /// The stream from which each agent draws its actions: `[agents]`.
+    action_streams: Vec<Stream>,
+    #[serde(skip)]
+    buffers: StepBuffers,
+}
+
+/// Memory for one step of all agents, reused from step to step.
+#[derive(Debug, Default)]
+struct StepBuffers {
+    playing: Vec<bool>,
+    steps: Vec<u32>,
+    actions: Vec<f32>,
+    log_probs: Vec<f32>,
+    scratch: ActScratch,
+}
+
+impl EpisodeSlots {
+    /// Slots for some agents, which act in the copies from `first_copy` on, with the random streams
+    /// of round number `round`.
+    pub(super) fn new(run_seed: u64, agents: Range<u32>, first_copy: usize, round: u32) -> Self {
+        Self {
+            slots: agents
+                .clone()
+                .zip(first_copy..)
+                .map(|(agent, copy)| EpisodeSlot::new(run_seed, agent, copy, round))
+                .collect(),
+            action_streams: agents
+                .map(|agent| stream(run_seed, Purpose::Action, agent, round))
+                .collect(),
+            buffers: StepBuffers::default(),
+        }
+    }
+
+    /// Gives an agent a new slot, with the streams of `round`. `index`: that of its present slot
+    pub(super) fn renew(&mut self, run_seed: u64, index: usize, round: u32) -> &mut EpisodeSlot {
+        let slot = &mut self.slots[index];
+        let (agent, copy) = (slot.agent, slot.copy);
+        self.action_streams[index] = stream(run_seed, Purpose::Action, agent, round);
+        *slot = EpisodeSlot::new(run_seed, agent, copy, round);
+        slot
+    }
+
+    pub(super) fn any_playing(&self) -> bool {
+        self.slots.iter().any(EpisodeSlot::is_playing)
+    }
+
+    /// All playing agents act, and all copies advance by one step. The environment has no other
+    /// copies than those of these agents. `unreported_steps`: see [`ActionRequest`].
+    pub(super) fn step(
+        &mut self,
+        environment: &mut dyn Environment,
+        team: &dyn Team,
+        unreported_steps: u32,
+    ) {
+        self.act(environment, team, unreported_steps);
+        environment.step(&self.buffers.actions);
+    }
+
+    /// All playing agents choose their next actions: `[agents × action width]`, one row per agent.
+    /// Rows of other agents have no meaning.
+    pub(super) fn act(
+        &mut self,
+        environment: &dyn Environment,
+        team: &dyn Team,
+        unreported_steps: u32,
+    ) -> &[f32] {
+        let width = environment.spec().action_width();
+        let observation_width = environment.spec().observation_width();
+        let first_copy = self.slots[0].copy;
+        let buffers = &mut self.buffers;
+        buffers.playing.clear();
+        buffers
+            .playing
+            .extend(self.slots.iter().map(EpisodeSlot::is_playing));
+        buffers.steps.clear();
+        buffers
+            .steps
+            .extend(self.slots.iter().map(EpisodeSlot::steps));
+        buffers.actions.resize(self.slots.len() * width, 0.0);
+        buffers.log_probs.resize(self.slots.len() * width, 0.0);
+        let mut request = ActionRequest {
+            first_agent: self.slots[0].agent as usize,
+            unreported_steps,
+            steps: &buffers.steps,
+            observations: &environment.observations()[first_copy * observation_width..]
+                [..self.slots.len() * observation_width],
+            playing: &buffers.playing,
+            random: &mut self.action_streams,
+            actions: &mut buffers.actions,
+            log_probs: &mut buffers.log_probs,
+        };
+        team.act(&mut request, &mut buffers.scratch);
+        let rows = buffers.actions.chunks_exact(width);
+        let rows = rows.zip(buffers.log_probs.chunks_exact(width));
+        for (slot, (action, log_prob)) in self.slots.iter_mut().zip(rows) {
+            if let Some(episode) = &mut slot.playing {
+                episode.actions.extend_from_slice(action);
+                episode.log_probs.extend_from_slice(log_prob);
+            }
+        }
+        &buffers.actions
+    }
+}
+
+/// The episode that one agent is playing, if any.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct EpisodeSlot {
+    agent: u32,
+    /// Index of the agent's copy in its environment.
+    copy: usize,
+    resets: Stream,
+    pub(super) playing: Option<Episode>,
+    /// The bodies during the episode that is playing or has just ended, if they are recorded.
+    pub(super) body_trajectory: Option<BodyTrajectory>,
+    /// The physics warning of the episode that has just ended.
+    #[serde(skip)]
+    pub(super) warning: Option<EpisodeWarning>,
+}
+
+impl EpisodeSlot {
+    /// A slot that draws start states from the random stream of (run seed, agent, `round`).
+    fn new(run_seed: u64, agent: u32, copy: usize, round: u32) -> Self {
+        Self {
+            agent,
+            copy,
+            resets: stream(run_seed, Purpose::Reset, agent, round),
+            playing: None,
+            body_trajectory: None,
+            warning: None,
+        }
+    }
+
+    pub(super) fn is_playing(&self) -> bool {
+        self.playing.is_some()
+    }
+
+    /// Number of steps of the episode that is playing; 0 without one.
+    fn steps(&self) -> u32 {
+        let playing = self.playing.as_ref();
+        playing.map_or(0, |episode| episode.length() as u32)
+    }
+
+    /// Starts the agent's episode number `episode`.
+    pub(super) fn start(
+        &mut self,
+        environment: &mut dyn Environment,
+        episode: u32,
+        round: u32,
+        scene: Option<&SceneSettings>,
+    ) {
+        environment.reset(self.copy, &mut self.resets);
+        let mut started = Episode::start(self.agent, episode, round, environment.spec());
+        let observation = self.observation(environment);
+        started.observations.extend_from_slice(observation);
+        self.playing = Some(started);
+        let recorded = scene.is_some_and(|scene| scene.records(self.agent, episode));
+        self.body_trajectory = recorded.then(|| BodyTrajectory {
+            agent: self.agent,
+            episode,
+            terrain: terrain_lines(environment, self.copy),
+            ..BodyTrajectory::default()
+        });
+        self.record_bodies(environment);
+    }
+
+    /// Adds the result of the latest step to the episode; returns the episode if it has ended.
+    pub(super) fn observe(&mut self, environment: &dyn Environment) -> Option<Episode> {
+        let mut episode = self.playing.take()?;
+        let copy = self.copy;
+        episode.rewards.push(environment.rewards()[copy]);
+        let observation = self.observation(environment);
+        episode.observations.extend_from_slice(observation);
+        self.record_bodies(environment);
+        episode.outcome = environment.statuses()[copy];
+        if episode.outcome == Status::Running {
+            self.playing = Some(episode);
+            return None;
+        }
+        self.warning = environment
+            .physics_warning(copy)
+            .map(|warning| EpisodeWarning {
+                agent: self.agent,
+                episode: episode.episode,
+                step: warning.step,
+                message: warning.message,
+            });
+        Some(episode)
+    }
+
+    /// Observation of the agent's copy of the environment.
+    fn observation<'a>(&self, environment: &'a dyn Environment) -> &'a [f32] {
+        let width = environment.spec().observation_width();
+        let copy = self.copy;
+        &environment.observations()[copy * width..(copy + 1) * width]
+    }
+
+    fn record_bodies(&mut self, environment: &dyn Environment) {
+        let (Some(scene), Some(trajectory)) = (environment.scene(), &mut self.body_trajectory)
+        else {
+            return;
+        };
+        let copy = self.copy;
+        let first_pose = trajectory.poses.len();
+        let body_count = scene.bodies.len();
+        trajectory
+            .poses
+            .resize(first_pose + body_count, Pose::default());
+        environment.poses(copy, &mut trajectory.poses[first_pose..]);
+        let forces_before = trajectory.forces.len();
+        environment.forces(
+            copy,
+            &trajectory.poses[first_pose..],
+            &mut trajectory.forces,
+        );
+        let added_forces = trajectory.forces.len() - forces_before;
+        trajectory.forces_per_row.push(added_forces);
+    }
+}

@@ -1,0 +1,31 @@
+//! Training: a team plays rounds of concurrent episodes and learns from them.
+//!
+//! A [`Trainer`] holds environments, team and shared buffer; `rollout` plays the episodes of a round,
+//! `asynchronous` those without a common start and end; [`shared_world`] plays several runs in the
+//! copies of one environment. `shared_episodes` and `remote_steps` are what ranks exchange. Must not
+//! depend on files.
+
+mod agent_round;
+mod agreement;
+mod asynchronous;
+mod episode_slots;
+mod episode_warning;
+mod remote_steps;
+mod rollout;
+mod shared_episodes;
+pub mod shared_world;
+mod summary;
+mod trainer;
+
+pub use self::episode_warning::EpisodeWarning;
+pub use self::rollout::{PlayedEpisodes, RoundPlan};
+pub use self::trainer::{Diverged, NonFinite, Round, Trainer, TrainingSettings};
+
+/// The number of threads that a setting stands for: 0 is the number of cores.
+#[must_use]
+pub fn thread_count(setting: usize) -> usize {
+    match setting {
+        0 => std::thread::available_parallelism().map_or(1, usize::from),
+        threads => threads,
+    }
+}

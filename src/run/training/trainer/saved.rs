@@ -1,0 +1,111 @@
+//! Saving and restoring the state of a trainer.
+
+use serde::{Deserialize, Serialize};
+
+use super::Trainer;
+use crate::run::measures::Measures;
+use crate::run::training::asynchronous::AsyncRollout;
+use crate::run::training::rollout::CopyGroup;
+use crate::scenario::Schedule;
+use seedbed_learn::experience::SharedBuffer;
+use seedbed_learn::team::SavedTeam;
+
+/// The state of a trainer that [`Trainer::save`] writes. `B`, `R` and `M` are borrowed when it is
+/// written.
+#[derive(Serialize, Deserialize)]
+struct Saved<B, R, M> {
+    round: u32,
+    /// State of each copy.
+    copies: Vec<Vec<u8>>,
+    team: SavedTeam,
+    buffer: B,
+    recorded: u64,
+    rollout: R,
+    measures: M,
+}
+
+impl Trainer {
+    /// Everything that cannot be derived from the scenario and that the next round needs, as bytes,
+    /// without the [replay buffer](Self::replay).
+    ///
+    /// # Panics
+    /// Never: plain data always serializes.
+    #[must_use]
+    pub fn save(&self) -> Vec<u8> {
+        let ranks = self.ranks();
+        let team = self.team.save();
+        let saved = Saved {
+            round: self.round,
+            copies: ranks.gather_lists(self.save_copies()),
+            team: SavedTeam {
+                parts: ranks.gather_lists(team.parts),
+                ..team
+            },
+            buffer: self.buffer.without_first(self.count_old_episodes()),
+            recorded: self.episodes_before_round,
+            rollout: &self.rollout,
+            measures: &self.measures,
+        };
+        let bytes = postcard::to_stdvec(&saved).expect("plain data always serializes");
+        // Behind everything else: checkpoints of earlier versions end here.
+        self.physics_warning.iter().fold(bytes, |bytes, warning| {
+            postcard::to_extend(warning, bytes).expect("plain data always serializes")
+        })
+    }
+
+    /// Restores the state that [`save`](Self::save) wrote. Results after that are bit-identical to
+    /// those of an uninterrupted run, if the transitions of the [replay buffer](Self::replay) are
+    /// restored as well.
+    ///
+    /// # Errors
+    /// The bytes are damaged or belong to another scenario.
+    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
+        type SavedTrainer = Saved<SharedBuffer, Option<AsyncRollout>, Measures>;
+        let (saved, rest): (SavedTrainer, &[u8]) =
+            postcard::take_from_bytes(bytes).map_err(|error| error.to_string())?;
+        self.physics_warning = if rest.is_empty() {
+            None
+        } else {
+            Some(postcard::from_bytes(rest).map_err(|error| error.to_string())?)
+        };
+        self.restore_copies(&saved.copies)?;
+        self.team.restore(&saved.team)?;
+        self.buffer = saved.buffer;
+        self.episodes_before_round = saved.recorded;
+        self.rollout = saved.rollout;
+        self.measures = saved.measures;
+        self.round = saved.round;
+        self.is_done = self.measures_say_done();
+        Ok(())
+    }
+
+    fn save_copies(&self) -> Vec<Vec<u8>> {
+        let mut saved = Vec::new();
+        for CopyGroup { environment, .. } in &self.groups {
+            saved.extend((0..environment.copies()).map(|copy| environment.save(copy)));
+        }
+        saved
+    }
+
+    fn restore_copies(&mut self, saved: &[Vec<u8>]) -> Result<(), String> {
+        let count = self.agent_count();
+        let is_elsewhere = saved.is_empty() || self.groups.is_empty();
+        if is_elsewhere && !matches!(self.settings.schedule, Schedule::Asynchronous { .. }) {
+            // A shared world owns the copies, and every round resets them.
+            return Ok(());
+        }
+        if saved.len() != count {
+            return Err(format!("it has {} copies; expected {count}", saved.len()));
+        }
+        for CopyGroup {
+            first_agent,
+            environment,
+        } in &mut self.groups
+        {
+            for copy in 0..environment.copies() {
+                environment.restore(copy, &saved[*first_agent as usize + copy])?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,30 @@
+//! SHA-256 in hexadecimal digits, as `sha256sum` prints it.
+
+use std::io::{self, Read};
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+
+use seedbed_input::limits::open_regular;
+
+/// The SHA-256 of bytes.
+pub(crate) fn sha256(bytes: impl AsRef<[u8]>) -> String {
+    format!("{:x}", Sha256::digest(bytes))
+}
+
+/// The SHA-256 of the bytes of a file.
+///
+/// # Errors
+/// It is no regular file, or cannot be read.
+pub(crate) fn sha256_of_file(path: &Path) -> io::Result<String> {
+    const BLOCK: usize = 1 << 16;
+    let (mut file, mut hash, mut block) = (open_regular(path)?, Sha256::new(), vec![0; BLOCK]);
+    loop {
+        match file.read(&mut block) {
+            Ok(0) => return Ok(format!("{:x}", hash.finalize())),
+            Ok(count) => hash.update(&block[..count]),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+}
