@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use clap::Parser;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{CommandFactory, Parser};
 
 use super::Cli;
 use seedbed::input_files::{self, Directory};
@@ -37,6 +37,11 @@ fn tip(error: &clap::Error, arguments: &[String]) -> Option<String> {
     let command = arguments
         .iter()
         .find(|argument| !argument.starts_with('-'))?;
+    if error.kind() == ErrorKind::UnknownArgument
+        && let Some(option) = with_equals(command, arguments)
+    {
+        return Some(format!("write `{option}`"));
+    }
     match error.kind() {
         ErrorKind::ArgumentConflict if invalid.starts_with("--seed ") => {
             Some("`seedbed bench SCENARIO --seeds 10` and studies run several run seeds".to_owned())
@@ -49,6 +54,26 @@ fn tip(error: &clap::Error, arguments: &[String]) -> Option<String> {
         }
         _ => None,
     }
+}
+
+/// `--serve=9876` for `--serve 9876`: the first option of `command` whose value needs a `=` and that has a
+/// value without one.
+fn with_equals(command: &str, arguments: &[String]) -> Option<String> {
+    let cli = Cli::command();
+    let options = cli.find_subcommand(command)?.get_arguments();
+    let names: Vec<String> = options
+        .filter(|option| option.is_require_equals_set())
+        .filter_map(|option| Some(format!("--{}", option.get_long()?)))
+        .collect();
+    let pairs = arguments.iter().zip(arguments.iter().skip(1));
+    let mut values = pairs.filter(|(name, value)| names.contains(name) && is_value(value));
+    values.next().map(|(name, value)| format!("{name}={value}"))
+}
+
+/// Whether an argument is a number or an address, and not a name of a file.
+fn is_value(argument: &str) -> bool {
+    let is_number = argument.starts_with(|c: char| c.is_ascii_digit());
+    (is_number || argument.contains("://")) && !Path::new(argument).exists()
 }
 
 /// `--set …` for an option, or for an assignment without `--set`.

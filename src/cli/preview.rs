@@ -7,6 +7,7 @@ use super::{CliError, PreviewArgs, film, pluralize};
 use seedbed::film::{Film, FilmSettings, Filmed};
 use seedbed::input_files::{self, Directory};
 use seedbed::record::{EpisodeRow, RecordedStates};
+use seedbed::run::incomplete::Incomplete;
 use seedbed::run::preview;
 use seedbed::run::review::LoadRunError;
 use seedbed_env::{Physics, TaskDescription};
@@ -31,6 +32,7 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
             CliError::Runtime(format!("cannot create {}: {error}", folder.display()))
         })?;
     }
+    let _incomplete = Incomplete::recording(&path);
     let (rows, warning) = preview::record(
         &description,
         physics,

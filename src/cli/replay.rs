@@ -7,6 +7,7 @@ use super::progress::episode_bar;
 use super::run::recorder_factory_at;
 use super::{CliError, ReplayArgs, pluralize, warn_if_unverified};
 use seedbed::run::folder::{RunFolder, run_folder};
+use seedbed::run::incomplete::Incomplete;
 use seedbed::run::replay::{self, ReplaySettings};
 
 pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
@@ -19,6 +20,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
         drawn_agents: (!args.agents.is_empty()).then_some(args.agents.as_slice()),
     };
     let bar = episode_bar(args.episodes, "episodes");
+    let incomplete = Incomplete::recording(&path);
     let result = replay::replay(
         &folder,
         &settings,
@@ -28,6 +30,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
         },
     );
     bar.finish_and_clear();
+    drop(incomplete);
     let (plan, episode_rows) = result?;
     let (task, count) = (
         &plan.description.spec().name,

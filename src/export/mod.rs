@@ -21,6 +21,7 @@ use crate::record::table::TableError;
 use crate::record::{ReadError, RecordError};
 use crate::run::files::{self, Replacement};
 use crate::run::folder::RunFolder;
+use crate::run::incomplete::Incomplete;
 use crate::run::review::LoadedRun;
 
 /// What is exported.
@@ -217,5 +218,6 @@ pub fn export_recording(
 ) -> Result<u64, ExportError> {
     let files = run.state_files();
     let files: &StateFiles = files.ok_or_else(|| ExportError::IsRecorded(run.path.clone()))?;
+    let _incomplete = Incomplete::recording(path);
     recording::write(&run.name(), files, path, on_episode)
 }

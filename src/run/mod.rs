@@ -21,6 +21,7 @@ pub mod evaluate;
 pub mod file_lock;
 pub mod files;
 pub mod folder;
+pub mod incomplete;
 pub mod measures;
 pub mod memory;
 pub mod overview;

@@ -6,7 +6,9 @@ use serde::de::DeserializeOwned;
 
 use super::synonyms;
 use seedbed_input::limits::MAX_OVERRIDE_BYTES;
-use seedbed_input::{Document, InputError, ValidationError, nearest_name, quoted_list};
+use seedbed_input::{
+    Document, InputError, NAME_IN_QUOTES, ValidationError, nearest_name, quoted_list,
+};
 use seedbed_learn::algorithms::catalogue::Parameter;
 use seedbed_settings::{UnknownField, opening, replace};
 
@@ -86,14 +88,20 @@ pub fn apply<T: Resolve>(
     apply_value(document, assignment).map_err(|error| {
         let is_short = assignment.len() <= MAX_OVERRIDE_BYTES;
         let parts = assignment.split_once('=').filter(|_| is_short);
-        let suggestion =
-            parts.and_then(|(path, value)| synonyms::suggest(document, path.trim(), value.trim()));
+        let suggestion = parts
+            .filter(|(path, _)| !says_enough(&error, path.trim()))
+            .and_then(|(path, value)| synonyms::suggest(document, path.trim(), value.trim()));
         let help = suggestion.map(|suggestion| suggestion.help());
         InputError {
             help: help.or(error.help),
             ..error
         }
     })
+}
+
+/// Whether an error is about a field within the value of `path`, or says how to write this value.
+fn says_enough(error: &InputError, path: &str) -> bool {
+    error.field != path || error.message.starts_with(NAME_IN_QUOTES)
 }
 
 /// The file with one value replaced, without explanations of names of other libraries.
@@ -136,7 +144,7 @@ pub(super) fn apply_value<T: Resolve>(
         let parsed = seedbed_input::parse::<T>(&document.origin, text);
         let parsed = parsed.map_err(|error| {
             let help = error.help.or_else(|| forms::<T>(path));
-            invalid(path, error.message, help)
+            invalid(field_of(&error.field, path), error.message, help)
         })?;
         Ok(parsed.value)
     };
@@ -148,6 +156,19 @@ pub(super) fn apply_value<T: Resolve>(
         document.origin.trim_end_matches(" with --set")
     );
     seedbed_input::parse(&origin, value.resolved())
+}
+
+/// The field of an error in the file with the value of `path` replaced: `path`, or a field within its value.
+fn field_of<'a>(field: &'a str, path: &'a str) -> &'a str {
+    let without_variants = |path: &str| {
+        let is_field = |name: &&str| !name.starts_with(char::is_uppercase);
+        let names: Vec<&str> = path.split('.').filter(is_field).collect();
+        names.join(".")
+    };
+    let (found, replaced) = (without_variants(field), without_variants(path));
+    let within = found.strip_prefix(&replaced);
+    let is_within = within.is_some_and(|rest| rest.starts_with(['.', '[']));
+    if is_within { field } else { path }
 }
 
 /// The forms that the value of a field can have, if it has several.
@@ -238,6 +259,45 @@ mod tests {
         let message = error_message("agents.seeds=Normal(0.1)");
         assert!(message.contains("`Normal(sigma: "), "{message}");
         assert!(!error_message("agents.count=-3").contains("expected one of"));
+    }
+
+    #[test]
+    fn errors_within_a_value_name_its_field() {
+        for (assignment, expected) in [
+            (
+                "agents=(count: 2.0)",
+                "in `agents.count`: expected a whole number from 1 to 10000, found `2.0`\n  = help: write `2`",
+            ),
+            (
+                "agents=(count: -1)",
+                "in `agents.count`: expected a whole number from 1 to 10000, found -1",
+            ),
+            (
+                "agents.count=99999999999999999999",
+                "in `agents.count`: expected a whole number from 1 to 10000, found 99999999999999999999",
+            ),
+            (
+                "agents.seeds=Normal(sigma: -1)",
+                "in `agents.seeds.Normal.sigma`: expected a number of at least 0, found -1.0",
+            ),
+            (
+                "seed=-1",
+                "in `seed`: expected a whole number from 0 to 18446744073709551615, found -1",
+            ),
+            (
+                "physics=\"Rapier\"",
+                "in `physics`: expected a name without quotes, found `\"Rapier\"`\n  = help: write `Rapier`",
+            ),
+            (
+                "algorithm=\"SeedPg\"",
+                "in `algorithm`: expected a name without quotes, found `\"SeedPg\"`\n  = help: write `SeedPg()`",
+            ),
+        ] {
+            assert_eq!(
+                error_message(assignment),
+                format!("--set {assignment}: {expected}")
+            );
+        }
     }
 
     #[test]

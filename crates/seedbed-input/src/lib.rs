@@ -16,6 +16,7 @@ pub mod limits;
 mod located;
 mod names;
 pub mod numbers;
+mod trial;
 
 use std::path::Path;
 
@@ -27,6 +28,7 @@ pub use error::{InputError, Position, error_at};
 pub use files::{
     Disk, FileSource, find_upwards, folders_upwards, is_ron, read_text, read_text_from, unreadable,
 };
+pub use foreign::NAME_IN_QUOTES;
 pub use kind::{FileKind, after_first_word, block_comment_length, file_kind};
 pub use located::{Document, Located, ValidationError};
 use located::{deserialize, deserialize_silently};

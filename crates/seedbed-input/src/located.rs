@@ -251,11 +251,13 @@ pub(crate) fn deserialize_silently<T: DeserializeOwned>(text: &str) -> Option<T>
 }
 
 fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, InputError> {
-    read(text).map_err(|(spanned, field)| located_error(origin, text, &spanned, field))
+    read(text).map_err(|(spanned, field)| located_error::<T>(origin, text, &spanned, field))
 }
 
 /// Reads a text. An error has the path of the field that is wrong.
-fn read<T: DeserializeOwned>(text: &str) -> Result<T, (ron::error::SpannedError, String)> {
+pub(crate) fn read<T: DeserializeOwned>(
+    text: &str,
+) -> Result<T, (ron::error::SpannedError, String)> {
     let options = ron::Options::default()
         .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES)
         .with_recursion_limit(MAX_NESTING);
@@ -285,7 +287,7 @@ fn field_path(path: &serde_path_to_error::Path) -> String {
         .to_owned()
 }
 
-fn located_error(
+fn located_error<T: DeserializeOwned>(
     origin: &str,
     text: &str,
     spanned: &ron::error::SpannedError,
@@ -293,11 +295,11 @@ fn located_error(
 ) -> InputError {
     let position = position(text, spanned.span.start.line, spanned.span.start.col);
     let (message, help) = explain(&spanned.code, &position);
-    let foreign = foreign::correct(text, &position, &spanned.code);
+    let foreign = foreign::correct::<T>(text, &position, &spanned.code);
     InputError {
         origin: origin.to_owned(),
         position: Some(foreign.position.unwrap_or(position)),
-        field,
+        field: foreign.field.unwrap_or(field),
         message: foreign.message.unwrap_or(message),
         help: help.or(foreign.help),
     }
