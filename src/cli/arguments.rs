@@ -16,16 +16,30 @@ use seedbed_input::{Document, FileKind, file_kind};
 
 /// The arguments of this process. Ends it if they are invalid.
 pub(super) fn parse() -> Cli {
-    Cli::try_parse().unwrap_or_else(|mut error| {
-        let arguments = std::env::args_os().skip(1);
-        let arguments = arguments.map(|argument| argument.to_string_lossy().into_owned());
-        if let Some(tip) = tip(&error, &arguments.collect::<Vec<_>>()) {
+    let arguments = std::env::args_os().skip(1);
+    let arguments: Vec<String> = arguments
+        .map(|argument| argument.to_string_lossy().into_owned())
+        .collect();
+    let parsed = Cli::try_parse().and_then(|cli| match value_without_equals(&arguments) {
+        // A command that takes several files has taken the value for one of them.
+        Some((_, value)) => Err(unexpected_argument(value)),
+        None => Ok(cli),
+    });
+    parsed.unwrap_or_else(|mut error| {
+        if let Some(tip) = tip(&error, &arguments) {
             error.remove(ContextKind::SuggestedArg);
             let tip = ContextValue::StyledStrs(vec![StyledStr::from(tip)]);
             error.insert(ContextKind::Suggested, tip);
         }
         error.exit()
     })
+}
+
+fn unexpected_argument(argument: &str) -> clap::Error {
+    let mut error = clap::Error::new(ErrorKind::UnknownArgument).with_cmd(&Cli::command());
+    let argument = ContextValue::String(argument.to_owned());
+    error.insert(ContextKind::InvalidArg, argument);
+    error
 }
 
 /// What to write in place of an invalid argument, if it is the name of a field.
@@ -38,9 +52,9 @@ fn tip(error: &clap::Error, arguments: &[String]) -> Option<String> {
         .iter()
         .find(|argument| !argument.starts_with('-'))?;
     if error.kind() == ErrorKind::UnknownArgument
-        && let Some(option) = with_equals(command, arguments)
+        && let Some((name, value)) = value_without_equals(arguments)
     {
-        return Some(format!("write `{option}`"));
+        return Some(format!("write `{name}={value}`"));
     }
     match error.kind() {
         ErrorKind::ArgumentConflict if invalid.starts_with("--seed ") => {
@@ -56,18 +70,21 @@ fn tip(error: &clap::Error, arguments: &[String]) -> Option<String> {
     }
 }
 
-/// `--serve=9876` for `--serve 9876`: the first option of `command` whose value needs a `=` and that has a
-/// value without one.
-fn with_equals(command: &str, arguments: &[String]) -> Option<String> {
+/// The first option of the command whose value needs a `=` and that has a value without one, as in
+/// `--serve 9876`.
+fn value_without_equals(arguments: &[String]) -> Option<(&str, &str)> {
+    let is_name = |argument: &&String| !argument.starts_with('-');
     let cli = Cli::command();
-    let options = cli.find_subcommand(command)?.get_arguments();
+    let options = cli
+        .find_subcommand(arguments.iter().find(is_name)?)?
+        .get_arguments();
     let names: Vec<String> = options
         .filter(|option| option.is_require_equals_set())
         .filter_map(|option| Some(format!("--{}", option.get_long()?)))
         .collect();
-    let pairs = arguments.iter().zip(arguments.iter().skip(1));
-    let mut values = pairs.filter(|(name, value)| names.contains(name) && is_value(value));
-    values.next().map(|(name, value)| format!("{name}={value}"))
+    let mut pairs = arguments.iter().zip(arguments.iter().skip(1));
+    let pair = pairs.find(|(name, value)| names.contains(name) && is_value(value))?;
+    Some((pair.0, pair.1))
 }
 
 /// Whether an argument is a number or an address, and not a name of a file.

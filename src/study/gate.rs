@@ -4,6 +4,7 @@
 //! Undirected baselines explore by random actions only (ε, entropy, Gaussian noise). A task that they
 //! solve says nothing about exploration, and neither does a task that no method solves.
 
+use super::comparison::{Quantity, RunScore};
 use super::file::Exploration;
 use super::measure::Measure;
 use super::report::number;
@@ -88,7 +89,8 @@ fn gate(results: &Results, exploration: &Exploration, (task, agents): (&str, u32
             (cell.description.task.as_str(), cell.description.agents) == (task, agents)
                 && is_baseline == among_baselines
         });
-        let means = cells.filter_map(|cell| mean_of_cell(cell, *exploration.measure));
+        let means =
+            cells.filter_map(|cell| mean_of_cell(cell, *exploration.measure, among_baselines));
         means.reduce(|best, other| if other.1 > best.1 { other } else { best })
     };
     Some(Gate {
@@ -99,12 +101,14 @@ fn gate(results: &Results, exploration: &Exploration, (task, agents): (&str, u32
     })
 }
 
-fn mean_of_cell(cell: &CellResults, measure: Measure) -> Option<(String, f64)> {
-    let values: Vec<f64> = cell
-        .scores(measure)
-        .iter()
-        .map(|score| score.value)
-        .collect();
+/// The mean of a cell: of what is known only as a range, the largest possible one of baselines and the smallest
+/// possible one of other methods, so that no task passes by what is not known.
+fn mean_of_cell(cell: &CellResults, measure: Measure, is_baseline: bool) -> Option<(String, f64)> {
+    let value = |score: &RunScore| match Quantity::of(measure, f64::INFINITY) {
+        Quantity::Share => Quantity::Share.range(*score)[usize::from(is_baseline)],
+        Quantity::Mean | Quantity::RestrictedMeanTime { .. } => score.value,
+    };
+    let values: Vec<f64> = cell.scores(measure).iter().map(value).collect();
     (!values.is_empty()).then(|| (cell.description.name.clone(), mean(&values)))
 }
 

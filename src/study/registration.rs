@@ -131,9 +131,12 @@ pub struct Ancestor {
 /// Error: a study cannot be registered or confirmed.
 #[derive(Debug, thiserror::Error)]
 pub enum RegistrationError {
-    /// The lock file cannot be read or written.
+    /// The lock file cannot be written.
     #[error(transparent)]
     File(#[from] StoreError),
+    /// The lock file, or the file of former digests beside it, cannot be read.
+    #[error(transparent)]
+    Unreadable(StoreError),
     /// There is no lock file.
     #[error("{path}: no such file; register the study with --register before --confirm", path = .0.display())]
     NotRegistered(PathBuf),
@@ -206,10 +209,13 @@ impl Registered {
     }
 
     /// What differs between this and a study, as sentences without a full stop.
-    fn differences_of_plan(&self, plan: &StudyPlan) -> Result<Vec<String>, StoreError> {
+    fn differences_of_plan(&self, plan: &StudyPlan) -> Result<Vec<String>, RegistrationError> {
         let mut cells = Manifest::of(plan).cells;
         if self.settings_version == 0 {
-            cells = FormerDigests::beside(&plan.path)?.of_cells(cells);
+            let former = FormerDigests::beside(&plan.path);
+            cells = former
+                .map_err(RegistrationError::Unreadable)?
+                .of_cells(cells);
         }
         let planned = Self::of(&plan.name, study_of(plan), &cells, self.settings_version);
         Ok(self.differences(&planned))
@@ -422,7 +428,10 @@ impl Lock {
             Err(error) if error.kind() == std::io::ErrorKind::InvalidData => {
                 return Err(Self::invalid(path, &error));
             }
-            Err(error) => return Err(store_error(path, &error).into()),
+            Err(error) => {
+                let error = store_error(path, &error);
+                return Err(RegistrationError::Unreadable(error));
+            }
         };
         let lock: Self =
             serde_json::from_str(&text).map_err(|error| Self::invalid(path, &error))?;

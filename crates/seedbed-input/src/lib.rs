@@ -16,6 +16,7 @@ pub mod limits;
 mod located;
 mod names;
 pub mod numbers;
+mod parser;
 mod trial;
 
 use std::path::Path;
@@ -30,7 +31,7 @@ pub use files::{
 };
 pub use foreign::NAME_IN_QUOTES;
 pub use kind::{FileKind, after_first_word, block_comment_length, file_kind};
-pub use located::{Document, Located, ValidationError};
+pub use located::{Document, Located, ValidationError, short_located_list};
 use located::{deserialize, deserialize_silently};
 pub use names::{nearest_name, quoted_list};
 

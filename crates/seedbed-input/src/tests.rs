@@ -328,3 +328,30 @@ fn variants_in_quotes_are_answered_with_the_variant() {
         );
     }
 }
+
+#[test]
+fn a_located_list_has_at_most_the_maximum_of_entries() {
+    #[derive(Debug, Deserialize)]
+    struct Layers {
+        #[serde(deserialize_with = "short_located_list")]
+        widths: Located<Vec<u32>>,
+    }
+    let read = |layers| {
+        parse::<Layers>(
+            "layers.ron",
+            format!("(widths: [{}])", "1, ".repeat(layers)),
+        )
+    };
+    let longest = read(1000).unwrap();
+    assert_eq!(longest.value.widths.len(), 1000);
+    assert_eq!(
+        longest.locate(longest.value.widths.error("here")).field,
+        "widths"
+    );
+    let error = read(1001).unwrap_err();
+    assert_eq!(error.field, "widths");
+    assert_eq!(
+        error.message,
+        "expected a list of at most 1000 entries, found more"
+    );
+}

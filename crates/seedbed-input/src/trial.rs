@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use serde::de::DeserializeOwned;
 
-use super::located::read;
+use super::parser::read;
 
 /// A whole number that no type holds.
 const TOO_LARGE: &str = "99999999999999999999999999999999999999999999999999";
