@@ -3,9 +3,9 @@
 use std::ffi::OsString;
 use std::path::Path;
 
-use clap::Parser;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{CommandFactory, Parser};
 
 use super::Cli;
 use super::study::translated;
@@ -20,23 +20,39 @@ use seedbed_input::{Document, FileKind, file_kind};
 
 /// The arguments of this process. Ends it if they are invalid.
 pub(super) fn parse() -> Cli {
-    let mut arguments: Vec<OsString> = std::env::args_os().collect();
-    if let Some(new) = arguments.get(1..).and_then(translated) {
+    let mut given: Vec<OsString> = std::env::args_os().collect();
+    if let Some(new) = given.get(1..).and_then(translated) {
         let words: Vec<_> = new.iter().map(|word| word.to_string_lossy()).collect();
         let words: Vec<_> = words.iter().map(|word| shell_word(word)).collect();
         note!("note: the new spelling is `seedbed {}`", words.join(" "));
-        arguments.splice(1.., new);
+        given.splice(1.., new);
     }
-    Cli::try_parse_from(&arguments).unwrap_or_else(|mut error| {
-        let arguments = arguments.iter().skip(1);
-        let arguments = arguments.map(|argument| argument.to_string_lossy().into_owned());
-        if let Some(tip) = tip(&error, &arguments.collect::<Vec<_>>()) {
+    let arguments: Vec<String> = given
+        .iter()
+        .skip(1)
+        .map(|argument| argument.to_string_lossy().into_owned())
+        .collect();
+    let parsed =
+        Cli::try_parse_from(&given).and_then(|cli| match value_without_equals(&arguments) {
+            // A command that takes several files has taken the value for one of them.
+            Some((_, value)) => Err(unexpected_argument(value)),
+            None => Ok(cli),
+        });
+    parsed.unwrap_or_else(|mut error| {
+        if let Some(tip) = tip(&error, &arguments) {
             error.remove(ContextKind::SuggestedArg);
             let tip = ContextValue::StyledStrs(vec![StyledStr::from(tip)]);
             error.insert(ContextKind::Suggested, tip);
         }
         error.exit()
     })
+}
+
+fn unexpected_argument(argument: &str) -> clap::Error {
+    let mut error = clap::Error::new(ErrorKind::UnknownArgument).with_cmd(&Cli::command());
+    let argument = ContextValue::String(argument.to_owned());
+    error.insert(ContextKind::InvalidArg, argument);
+    error
 }
 
 /// What to write in place of an invalid argument, if it is the name of a field.
@@ -48,6 +64,11 @@ fn tip(error: &clap::Error, arguments: &[String]) -> Option<String> {
     let command = arguments
         .iter()
         .find(|argument| !argument.starts_with('-'))?;
+    if error.kind() == ErrorKind::UnknownArgument
+        && let Some((name, value)) = value_without_equals(arguments)
+    {
+        return Some(format!("write `{name}={value}`"));
+    }
     match error.kind() {
         ErrorKind::ArgumentConflict if invalid.starts_with("--seed ") => {
             Some("`seedbed bench SCENARIO --seeds 10` and studies run several run seeds".to_owned())
@@ -60,6 +81,29 @@ fn tip(error: &clap::Error, arguments: &[String]) -> Option<String> {
         }
         _ => None,
     }
+}
+
+/// The first option of the command whose value needs a `=` and that has a value without one, as in
+/// `--serve 9876`.
+fn value_without_equals(arguments: &[String]) -> Option<(&str, &str)> {
+    let is_name = |argument: &&String| !argument.starts_with('-');
+    let cli = Cli::command();
+    let options = cli
+        .find_subcommand(arguments.iter().find(is_name)?)?
+        .get_arguments();
+    let names: Vec<String> = options
+        .filter(|option| option.is_require_equals_set())
+        .filter_map(|option| Some(format!("--{}", option.get_long()?)))
+        .collect();
+    let mut pairs = arguments.iter().zip(arguments.iter().skip(1));
+    let pair = pairs.find(|(name, value)| names.contains(name) && is_value(value))?;
+    Some((pair.0, pair.1))
+}
+
+/// Whether an argument is a number or an address, and not a name of a file.
+fn is_value(argument: &str) -> bool {
+    let is_number = argument.starts_with(|c: char| c.is_ascii_digit());
+    (is_number || argument.contains("://")) && !Path::new(argument).exists()
 }
 
 /// `--set …` for an option, or for an assignment without `--set`.

@@ -10,6 +10,7 @@ use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular;
 use seedbed_env::{Choice, Physics, TaskSpec, physics_warnings};
+use seedbed_input::numbers::readable;
 use seedbed_input::{FileKind, InputError};
 
 /// Maximum number of observations that are listed by name.
@@ -175,10 +176,10 @@ pub(super) fn format_actions(spec: &TaskSpec) -> String {
         let values = match &action.choice {
             Choice::Discrete(values) => values
                 .iter()
-                .map(f32::to_string)
+                .map(|value| readable(*value))
                 .collect::<Vec<_>>()
                 .join(" or "),
-            Choice::Continuous => format!("{} to {}", quantity.range[0], quantity.range[1]),
+            Choice::Continuous => quantity.range.map(readable).join(" to "),
         };
         format!(
             "{} ({})",

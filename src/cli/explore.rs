@@ -68,7 +68,7 @@ pub(super) fn explore(args: &ExploreArgs) -> Result<(), CliError> {
 fn default_out(runs: &[(PathBuf, LoadedRun)]) -> PathBuf {
     match runs {
         [(_, run)] => match &run.folder {
-            Some(folder) => folder.path().join("explore.html"),
+            Some(folder) => folder.page_file(),
             None => run.path.with_extension("html"),
         },
         _ => PathBuf::from("explore.html"),

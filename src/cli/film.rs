@@ -46,7 +46,7 @@ pub(super) struct FilmArgs {
 pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
     let run = open_run(&args.run)?;
     let out = args.out.clone().unwrap_or_else(|| match &run.folder {
-        Some(folder) => folder.path().join("film.gif"),
+        Some(folder) => folder.film_file(),
         None => PathBuf::from("film.gif"),
     });
     if out.extension().is_none_or(|extension| extension != "gif") {

@@ -2,7 +2,9 @@
 //! `mpirun` and closed terminals send.
 
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Mutex, PoisonError};
+
+use seedbed::storage::incomplete;
 
 /// Whether the process was asked to stop while work listened.
 static IS_REQUESTED: AtomicBool = AtomicBool::new(false);
@@ -28,14 +30,6 @@ impl StopRequests {
 
     /// Listens for requests until this is dropped. The first request prints `message`.
     pub(super) fn listen(message: &'static str) -> Self {
-        static HANDLER: OnceLock<()> = OnceLock::new();
-        HANDLER.get_or_init(|| {
-            if let Err(error) = handle_signals() {
-                note!(
-                    "warning: cannot handle signals ({error}); Ctrl-C will end the run without a checkpoint"
-                );
-            }
-        });
         set_message((!IS_REQUESTED.load(Ordering::Relaxed)).then_some(message));
         Self
     }
@@ -60,6 +54,16 @@ fn set_message(message: Option<&'static str>) {
     *MESSAGE.lock().unwrap_or_else(PoisonError::into_inner) = message;
 }
 
+/// Handles requests from now on: without work that listens, they end the process, and files that are not complete
+/// are removed.
+pub(super) fn handle() {
+    if let Err(error) = handle_signals() {
+        note!(
+            "warning: cannot handle signals ({error}); Ctrl-C will end a run without a checkpoint"
+        );
+    }
+}
+
 /// Exit status of a command that was asked to stop: 128 + number of the first signal, as of a command
 /// that the signal ends at once.
 pub(super) fn exit_code() -> u8 {
@@ -72,6 +76,7 @@ fn on_request(exit_code: u8) {
         .unwrap_or_else(PoisonError::into_inner)
         .take();
     let Some(message) = message else {
+        incomplete::remove_all_before_exit();
         std::process::exit(exit_code.into());
     };
     EXIT_CODE.store(exit_code, Ordering::Relaxed);

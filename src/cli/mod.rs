@@ -447,6 +447,7 @@ enum CliError {
 #[must_use]
 pub(crate) fn main() -> ExitCode {
     let cli = arguments::parse();
+    interruption::handle();
     let result = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Check { files } => check::check(&files),

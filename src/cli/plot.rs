@@ -174,7 +174,7 @@ fn size_text(figure: &Figure, is_png: bool) -> String {
 
 fn default_out(runs: &[PathBuf]) -> PathBuf {
     match runs {
-        [run] if run.is_dir() => run_folder(run).path().join("plot.svg"),
+        [run] if run.is_dir() => run_folder(run).plot_file(),
         [run] => run.with_extension("svg"),
         _ => PathBuf::from("plot.svg"),
     }

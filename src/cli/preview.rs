@@ -10,6 +10,7 @@ use seedbed::record::RecordedStates;
 use seedbed::review::LoadRunError;
 use seedbed::run::facts::EpisodeRow;
 use seedbed::run::preview;
+use seedbed::storage::incomplete::Incomplete;
 use seedbed_env::{Physics, TaskDescription};
 use seedbed_input::numbers::Count;
 
@@ -32,6 +33,7 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
             CliError::Runtime(format!("cannot create {}: {error}", folder.display()))
         })?;
     }
+    let _incomplete = Incomplete::recording(&path);
     let (rows, warning) = preview::record(
         &description,
         physics,

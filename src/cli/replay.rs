@@ -8,6 +8,7 @@ use super::run::recorder_factory_at;
 use super::{CliError, ReplayArgs, pluralize, warn_if_unverified};
 use seedbed::run::folder::{RunFolder, run_folder};
 use seedbed::run::replay::{self, ReplaySettings};
+use seedbed::storage::incomplete::Incomplete;
 
 pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
     let folder = run_folder(&args.run);
@@ -19,6 +20,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
         drawn_agents: (!args.agents.is_empty()).then_some(args.agents.as_slice()),
     };
     let bar = episode_bar(args.episodes, "episodes");
+    let incomplete = Incomplete::recording(&path);
     let result = replay::replay(
         &folder,
         &settings,
@@ -28,6 +30,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
         },
     );
     bar.finish_and_clear();
+    drop(incomplete);
     let (plan, episode_rows) = result?;
     let (task, count) = (
         &plan.description.spec().name,

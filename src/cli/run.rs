@@ -321,8 +321,21 @@ fn prepare_output_folder(args: &RunArgs, folder: &RunFolder) -> Result<FileLock,
     if !args.resume && contents != Contents::Nothing {
         let cleared = folder.clear();
         cleared.map_err(|error| cannot_write_to(&path, &error))?;
+        warn_of_other_files(folder);
     }
     Ok(lock)
+}
+
+/// Warns of files that stay beside the new run, such as a picture of the former one.
+fn warn_of_other_files(folder: &RunFolder) {
+    let names = folder.other_files();
+    if !names.is_empty() {
+        note!(
+            "warning: kept in {}, and not of this run: {}",
+            folder.path().display(),
+            names.join(", ")
+        );
+    }
 }
 
 /// Locks an output directory for this process.

@@ -23,6 +23,7 @@ use crate::review::LoadedRun;
 use crate::run::folder::RunFolder;
 use crate::run::recorder::RecordError;
 use crate::storage::files::{self, Replacement};
+use crate::storage::incomplete::Incomplete;
 
 /// What is exported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -218,5 +219,6 @@ pub fn export_recording(
 ) -> Result<u64, ExportError> {
     let files = run.state_files();
     let files: &StateFiles = files.ok_or_else(|| ExportError::IsRecorded(run.path.clone()))?;
+    let _incomplete = Incomplete::recording(path);
     recording::write(&run.name(), files, path, on_episode)
 }

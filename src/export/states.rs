@@ -54,12 +54,18 @@ pub(super) fn write(
 }
 
 /// Calls `action` for each episode, sorted by agent and number. A recording has the episodes of all agents
-/// in the order in which they were written; it is read once for each group of agents whose states fit
-/// into memory.
+/// in the order in which they were written. If they do not fit into memory together, it is read once for each group
+/// of agents whose states do.
 fn for_each_in_order(
     recording: &RecordedStates,
     mut action: impl FnMut(&RecordedEpisode) -> Result<(), ExportError>,
 ) -> Result<(), ExportError> {
+    if recording.state_files().is_none()
+        && let Some(mut episodes) = all_episodes(recording)?
+    {
+        episodes.sort_by_key(|episode| (episode.agent, episode.episode));
+        return episodes.iter().try_for_each(action);
+    }
     for agents in groups_of_agents(recording)? {
         let mut waiting = Vec::new();
         for episode in recording.episodes()? {
@@ -81,6 +87,20 @@ fn for_each_in_order(
     Ok(())
 }
 
+/// All episodes, if together they have at most [`MAX_GROUP_NUMBERS`] numbers.
+fn all_episodes(recording: &RecordedStates) -> Result<Option<Vec<RecordedEpisode>>, ExportError> {
+    let (mut episodes, mut numbers) = (Vec::new(), 0);
+    for episode in recording.episodes()? {
+        let episode = episode?;
+        numbers += episode.numbers();
+        if numbers > MAX_GROUP_NUMBERS {
+            return Ok(None);
+        }
+        episodes.push(episode);
+    }
+    Ok(Some(episodes))
+}
+
 /// Consecutive agents that together have at most [`MAX_GROUP_NUMBERS`] numbers, or a single agent with more.
 fn groups_of_agents(recording: &RecordedStates) -> Result<Vec<RangeInclusive<u32>>, ExportError> {
     if recording.state_files().is_some() {
@@ -89,8 +109,7 @@ fn groups_of_agents(recording: &RecordedStates) -> Result<Vec<RangeInclusive<u32
     let mut numbers_of_agents: BTreeMap<u32, usize> = BTreeMap::new();
     for episode in recording.episodes()? {
         let episode = episode?;
-        *numbers_of_agents.entry(episode.agent).or_default() +=
-            episode.observations.len() + episode.actions.len() + episode.rewards.len();
+        *numbers_of_agents.entry(episode.agent).or_default() += episode.numbers();
     }
     let mut groups: Vec<RangeInclusive<u32>> = Vec::new();
     let mut in_group = usize::MAX;

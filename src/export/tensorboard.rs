@@ -3,13 +3,14 @@
 //! NaN is written as NaN, which TensorBoard marks.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use super::event_file::{scalar_event, version_event, write_event};
 use crate::review::LoadedRun;
 use crate::run::facts::metrics::{METRICS, Source};
+use crate::storage::files::{self, Replacement};
 
 /// A value of a curve: step, name of the curve, value.
 type Point = (i64, String, f64);
@@ -25,7 +26,7 @@ const FILE: &str = "events.out.tfevents.0.seedbed";
 /// to `folder` before, such as those of another run with more agents, are removed first.
 ///
 /// # Errors
-/// A file cannot be removed or written, or a directory has event files of other programs, which
+/// A file cannot be removed or written; then no curves are left. Or a directory has event files of other programs, which
 /// TensorBoard would show as parts of the same curves.
 pub fn export(run: &LoadedRun, folder: &Path) -> io::Result<usize> {
     let mut curves: BTreeMap<String, Vec<Point>> = BTreeMap::new();
@@ -49,7 +50,13 @@ pub fn export(run: &LoadedRun, folder: &Path) -> io::Result<usize> {
     }
     remove_earlier_export(folder)?;
     for (name, points) in &curves {
-        write_events(&folder.join(name), points)?;
+        let subfolder = folder.join(name);
+        if let Err(error) = write_events(&subfolder, points) {
+            // A part of the curves could be taken for the whole.
+            remove_earlier_export(folder)?;
+            let _ = fs::remove_dir(subfolder);
+            return Err(error);
+        }
     }
     Ok(curves.values().map(Vec::len).sum())
 }
@@ -62,6 +69,7 @@ fn agent_folder(agent: u32) -> String {
 fn remove_earlier_export(folder: &Path) -> io::Result<()> {
     let subfolders: Vec<PathBuf> = subfolders(folder)?;
     for subfolder in &subfolders {
+        files::remove_abandoned_of(&subfolder.join(FILE));
         if let Some(file) = event_file_of_others(subfolder)? {
             return Err(io::Error::other(format!(
                 "{} is of another program, and TensorBoard would show its values in the same curves; name another \
@@ -115,12 +123,12 @@ fn event_file_of_others(folder: &Path) -> io::Result<Option<PathBuf>> {
 
 /// Writes an event file to a directory.
 fn write_events(folder: &Path, points: &[Point]) -> io::Result<()> {
-    fs::create_dir_all(folder)?;
-    let file = File::create(folder.join(FILE))?;
-    let mut file = BufWriter::new(file);
+    let replacement = Replacement::begin(&folder.join(FILE))?;
+    let mut file = BufWriter::new(replacement.file()?);
     write_event(&mut file, &version_event())?;
     for (step, tag, value) in points {
         write_event(&mut file, &scalar_event(*step, tag, *value as f32))?;
     }
-    file.flush()
+    file.flush()?;
+    replacement.commit()
 }

@@ -88,6 +88,13 @@ impl RecordedEpisode {
         self.rewards.len()
     }
 
+    /// Number of all numbers, which determines the memory that the episode takes.
+    #[must_use]
+    pub fn numbers(&self) -> usize {
+        let others = self.intrinsic_rewards.len() + self.advantages.len();
+        self.observations.len() + self.actions.len() + self.rewards.len() + others
+    }
+
     /// Sum of rewards, undiscounted.
     #[must_use]
     pub fn total_reward(&self) -> f64 {

@@ -14,7 +14,11 @@ use crate::run::measures::recent::LatestVisits;
 use crate::run::measures::visitation::{StateBins, Visitation, diversity_of_team, known_diversity};
 use seedbed_env::Quantity;
 
-/// Statistics of a recording. Memory grows by one row per episode, not with the number of states.
+/// Maximum number of numbers that are kept in memory between both passes over the values: 128 MB.
+const MAX_KEPT_NUMBERS: usize = 1 << 25;
+
+/// Statistics of a recording. While they are computed, the values of small recordings are kept in memory; those of
+/// larger ones are read again for the medians.
 #[derive(Clone, Debug)]
 pub struct RecordingStats {
     /// One row per episode, in (round, agent) order as in `episodes.csv`.
@@ -66,6 +70,8 @@ impl RecordingStats {
             ),
             intrinsic_rewards: intrinsic_reward.as_ref().map(ValueDistribution::new),
         };
+        let mut kept = Vec::new();
+        let mut numbers = 0_usize;
         for episode in recording.episodes()? {
             let episode = episode?;
             if !selection.includes(episode.agent, episode.episode) {
@@ -73,21 +79,37 @@ impl RecordingStats {
             }
             on_episode(&episode);
             stats.add_episode(observations, &episode);
+            numbers += episode.numbers();
+            if numbers <= MAX_KEPT_NUMBERS {
+                kept.push(episode);
+            } else {
+                kept = Vec::new();
+            }
         }
-        stats.find_medians(recording)?;
+        stats.find_medians(recording, (numbers <= MAX_KEPT_NUMBERS).then_some(kept))?;
         stats.sort_episodes();
         Ok(stats)
     }
 
-    /// Reads the episodes again, for the medians.
-    fn find_medians(&mut self, recording: &RecordedStates) -> Result<(), ReadError> {
-        let rows = self.episodes.iter();
-        let read: BTreeSet<(u32, u32)> = rows.map(|row| (row.agent, row.episode)).collect();
+    /// Counts the values again, for the medians: those of the episodes that were kept, or else of the file.
+    fn find_medians(
+        &mut self,
+        recording: &RecordedStates,
+        kept: Option<Vec<RecordedEpisode>>,
+    ) -> Result<(), ReadError> {
         let of_rewards = std::iter::once(&mut self.rewards).chain(&mut self.intrinsic_rewards);
         let of_task = self.distributions.iter_mut().chain(&mut self.actions);
         of_task
             .chain(of_rewards)
             .for_each(ValueDistribution::find_middle);
+        if let Some(episodes) = kept {
+            for episode in &episodes {
+                self.for_each_value(episode, ValueDistribution::add_again);
+            }
+            return Ok(());
+        }
+        let rows = self.episodes.iter();
+        let read: BTreeSet<(u32, u32)> = rows.map(|row| (row.agent, row.episode)).collect();
         for episode in recording.episodes()? {
             let episode = episode?;
             if read.contains(&(episode.agent, episode.episode)) {
@@ -229,5 +251,28 @@ impl LoadedRun {
             self.episodes.clone_from(&stats.episodes);
         }
         Ok(Some(stats))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    /// Values of large recordings are read again, with the same result.
+    #[test]
+    fn medians_of_kept_episodes_are_those_of_the_file() {
+        let recording = RecordedStates::open(Path::new("recordings/sample/run.rrd")).unwrap();
+        let stats = RecordingStats::of(&recording, &EpisodeSelection::all(), |_| {}).unwrap();
+        let mut again = stats.clone();
+        again.find_medians(&recording, None).unwrap();
+        let medians = |stats: &RecordingStats| {
+            let distributions = stats.distributions.iter().chain(&stats.actions);
+            let medians: Vec<Option<f64>> = distributions.map(ValueDistribution::median).collect();
+            medians
+        };
+        assert!(medians(&stats).iter().all(Option::is_some));
+        assert_eq!(medians(&stats), medians(&again));
     }
 }

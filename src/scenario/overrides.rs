@@ -5,7 +5,7 @@ use std::path::Path;
 use super::resolve::{Resolve, apply_value};
 use super::synonyms;
 use seedbed_input::limits::MAX_OVERRIDE_BYTES;
-use seedbed_input::{Document, InputError};
+use seedbed_input::{Document, InputError, NAME_IN_QUOTES};
 
 /// Reads the text of the file at `path`.
 ///
@@ -41,14 +41,20 @@ pub fn apply<T: Resolve>(
     apply_value(document, assignment).map_err(|error| {
         let is_short = assignment.len() <= MAX_OVERRIDE_BYTES;
         let parts = assignment.split_once('=').filter(|_| is_short);
-        let suggestion =
-            parts.and_then(|(path, value)| synonyms::suggest(document, path.trim(), value.trim()));
+        let suggestion = parts
+            .filter(|(path, _)| !says_enough(&error, path.trim()))
+            .and_then(|(path, value)| synonyms::suggest(document, path.trim(), value.trim()));
         let help = suggestion.map(|suggestion| suggestion.help());
         InputError {
             help: help.or(error.help),
             ..error
         }
     })
+}
+
+/// Whether an error is about a field within the value of `path`, or says how to write this value.
+fn says_enough(error: &InputError, path: &str) -> bool {
+    error.field != path || error.message.starts_with(NAME_IN_QUOTES)
 }
 
 #[cfg(test)]
@@ -112,6 +118,45 @@ mod tests {
         let message = error_message("agents.seeds=Normal(0.1)");
         assert!(message.contains("`Normal(sigma: "), "{message}");
         assert!(!error_message("agents.count=-3").contains("expected one of"));
+    }
+
+    #[test]
+    fn errors_within_a_value_name_its_field() {
+        for (assignment, expected) in [
+            (
+                "agents=(count: 2.0)",
+                "in `agents.count`: expected a whole number from 1 to 10000, found `2.0`\n  = help: write `2`",
+            ),
+            (
+                "agents=(count: -1)",
+                "in `agents.count`: expected a whole number from 1 to 10000, found -1",
+            ),
+            (
+                "agents.count=99999999999999999999",
+                "in `agents.count`: expected a whole number from 1 to 10000, found 99999999999999999999",
+            ),
+            (
+                "agents.seeds=Normal(sigma: -1)",
+                "in `agents.seeds.Normal.sigma`: expected a number of at least 0, found -1.0",
+            ),
+            (
+                "seed=-1",
+                "in `seed`: expected a whole number from 0 to 18446744073709551615, found -1",
+            ),
+            (
+                "physics=\"Rapier\"",
+                "in `physics`: expected a name without quotes, found `\"Rapier\"`\n  = help: write `Rapier`",
+            ),
+            (
+                "algorithm=\"SeedPg\"",
+                "in `algorithm`: expected a name without quotes, found `\"SeedPg\"`\n  = help: write `SeedPg()`",
+            ),
+        ] {
+            assert_eq!(
+                error_message(assignment),
+                format!("--set {assignment}: {expected}")
+            );
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use seedbed_env::TaskSpec;
-use seedbed_input::numbers::{Count, FiniteNumber, ranged_count, ranged_number};
+use seedbed_input::numbers::{Count, FiniteNumber, ranged_count, ranged_number, readable};
 use seedbed_input::{Located, ValidationError};
 
 /// Contents of a recording, and how much of each is recorded.
@@ -229,7 +229,7 @@ impl RecordingSettings {
             {
                 return Err(to.error(format!(
                     "expected a value above {}, the lower end of the axis",
-                    from.get()
+                    readable(from.get())
                 )));
             }
         }

@@ -89,7 +89,7 @@ pub(super) fn apply_value<T: Resolve>(
         let parsed = seedbed_input::parse::<T>(&document.origin, text);
         let parsed = parsed.map_err(|error| {
             let help = error.help.or_else(|| forms::<T>(path));
-            invalid(path, error.message, help)
+            invalid(field_of(&error.field, path), error.message, help)
         })?;
         Ok(parsed.value)
     };
@@ -101,6 +101,19 @@ pub(super) fn apply_value<T: Resolve>(
         document.origin.trim_end_matches(" with --set")
     );
     seedbed_input::parse(&origin, value.resolved())
+}
+
+/// The field of an error in the file with the value of `path` replaced: `path`, or a field within its value.
+fn field_of<'a>(field: &'a str, path: &'a str) -> &'a str {
+    let without_variants = |path: &str| {
+        let is_field = |name: &&str| !name.starts_with(char::is_uppercase);
+        let names: Vec<&str> = path.split('.').filter(is_field).collect();
+        names.join(".")
+    };
+    let (found, replaced) = (without_variants(field), without_variants(path));
+    let within = found.strip_prefix(&replaced);
+    let is_within = within.is_some_and(|rest| rest.starts_with(['.', '[']));
+    if is_within { field } else { path }
 }
 
 /// The forms that the value of a field can have, if it has several.

@@ -7,6 +7,7 @@ use std::fs::{self, File};
 use std::io::{ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
 
+use super::incomplete::Incomplete;
 use seedbed_input::limits::check_is_regular;
 use tempfile::{NamedTempFile, TempPath};
 
@@ -39,7 +40,7 @@ pub struct Replacement {
 #[derive(Debug)]
 enum NewContent {
     /// A file beside the old one.
-    Temporary(NamedTempFile),
+    Temporary(NamedTempFile, Incomplete),
     /// A device or a pipe, which cannot be replaced.
     Direct(File),
 }
@@ -65,7 +66,8 @@ impl Replacement {
         let new_content = if is_special {
             NewContent::Direct(File::options().write(true).open(&target)?)
         } else {
-            NewContent::Temporary(temporary_file_beside(&target)?)
+            let (file, incomplete) = temporary_file_beside(&target)?;
+            NewContent::Temporary(file, incomplete)
         };
         Ok(Self {
             target,
@@ -85,7 +87,7 @@ impl Replacement {
     /// The operating system reports an error.
     pub fn file(&self) -> Result<File> {
         match &self.new_content {
-            NewContent::Temporary(file) => file.as_file().try_clone(),
+            NewContent::Temporary(file, _) => file.as_file().try_clone(),
             NewContent::Direct(file) => file.try_clone(),
         }
     }
@@ -95,7 +97,7 @@ impl Replacement {
     /// # Errors
     /// The operating system reports an error; then the old file is kept.
     pub fn commit(self) -> Result<()> {
-        let NewContent::Temporary(file) = self.new_content else {
+        let NewContent::Temporary(file, _incomplete) = self.new_content else {
             return Ok(());
         };
         file.as_file().sync_all()?;
@@ -112,7 +114,8 @@ impl Replacement {
 /// # Errors
 /// The operating system reports an error.
 pub fn keep_as(path: &Path, second_name: &Path) -> Result<()> {
-    let link = temporary_file_beside(second_name)?.into_temp_path();
+    let (link, _incomplete) = temporary_file_beside(second_name)?;
+    let link = link.into_temp_path();
     remove_if_exists(&link)?;
     if fs::hard_link(path, &link).is_err() {
         // Some file systems have no hard links.
@@ -172,7 +175,7 @@ const RANDOM_CHARACTERS: usize = 6;
 
 /// An empty file in the same folder, which is created if necessary. It has the permissions of any new
 /// file, and is deleted unless it is renamed.
-fn temporary_file_beside(path: &Path) -> Result<NamedTempFile> {
+fn temporary_file_beside(path: &Path) -> Result<(NamedTempFile, Incomplete)> {
     let folder = folder_of(path);
     fs::create_dir_all(folder)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -183,11 +186,12 @@ fn temporary_file_beside(path: &Path) -> Result<NamedTempFile> {
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     loop {
-        let file = builder.tempfile_in(folder)?;
+        let (file, incomplete) =
+            Incomplete::make(|| builder.tempfile_in(folder), NamedTempFile::path)?;
         // Without locks, no file is taken for abandoned. One may be, between these two lines.
         let _ = file.as_file().lock();
         if file.path().exists() {
-            return Ok(file);
+            return Ok((file, incomplete));
         }
     }
 }
@@ -328,10 +332,10 @@ mod tests {
     fn abandoned_contents_are_removed_and_others_kept() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.csv");
-        let abandoned = temporary_file_beside(&path).unwrap();
-        let (file, abandoned) = abandoned.keep().unwrap();
-        drop(file);
-        let of_other = temporary_file_beside(&folder.path().join("other.csv")).unwrap();
+        let abandoned = folder.path().join("table.csv.1a2b3c.part");
+        fs::write(&abandoned, "half").unwrap();
+        let (of_other, _incomplete) =
+            temporary_file_beside(&folder.path().join("other.csv")).unwrap();
         let kept = of_other.path().to_owned();
         let in_progress = Replacement::begin(&path).unwrap();
         for name in [

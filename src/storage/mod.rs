@@ -8,5 +8,6 @@
 pub mod file_lock;
 pub mod files;
 pub(crate) mod hashes;
+pub mod incomplete;
 pub(crate) mod sealed;
 pub mod written;

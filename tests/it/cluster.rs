@@ -350,6 +350,41 @@ fn conflicting_and_damaged_results_are_not_merged() {
     assert_eq!(stored_results(&target).len(), 0);
 }
 
+/// What is no regular file is refused as what is damaged, and so is what cannot be a lock.
+#[test]
+fn pipes_and_devices_in_place_of_files_of_a_study_are_refused() {
+    let (folder, study, target) = write_study(&study_text(2, ""));
+    let source = folder.path().join("source");
+    succeeds(&run_study(&study, &source, &[]));
+    let name = stored_results(&source).keys().next().unwrap().clone();
+    let stored = source.join("runs").join(name);
+    let reason = "expected a regular file, found a pipe, a socket or a device";
+    let make_pipe =
+        |path: &Path| assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
+    fs::remove_file(&stored).unwrap();
+    make_pipe(&stored);
+    let merge = ["--merge", source.to_str().unwrap(), "--unverified"];
+    for place in ["pipe", "device"] {
+        let error = refused(&run_study(&study, &target, &merge));
+        let expected = format!(
+            "\nerror: {}: {reason}; nothing was copied\n",
+            stored.display()
+        );
+        assert!(error.ends_with(&expected), "{place}: {error}");
+        fs::remove_file(&stored).unwrap();
+        std::os::unix::fs::symlink("/dev/null", &stored).unwrap();
+    }
+    assert_eq!(stored_results(&target).len(), 0);
+
+    let lock = PathBuf::from(format!("{study}.lock"));
+    make_pipe(&lock);
+    for arguments in [["--confirm"], ["--register"]] {
+        let error = refused(&run_study(&study, &target, &arguments));
+        assert!(!error.contains("has no confirmatory claim"), "{error}");
+        assert_eq!(error, format!("error: {}: {reason}\n", lock.display()));
+    }
+}
+
 #[test]
 fn only_other_directories_of_the_same_study_are_merged() {
     let (folder, study, target) = write_study(&study_text(1, ""));

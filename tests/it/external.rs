@@ -979,3 +979,44 @@ fn published_results_of_others_are_not_verified_without_their_files() {
         fs::rename(fixture.path("gone"), fixture.path("a")).unwrap();
     }
 }
+
+/// One of three runs ended early without solving its task: it may have solved it afterwards. What did not solve its
+/// task in all episodes is known.
+#[test]
+fn a_run_that_ended_early_may_have_solved_its_task() {
+    let fixture = Fixture::new(
+        r#"Study(
+            title: "Early ends",
+            solved: (return: 5, window: 1),
+            max_episodes: 3,
+            cells: [(name: "first", results: Csv(files: "first/*.csv")), (name: "second", results: Csv(files: "second/*.csv"))],
+            measures: [Solved],
+            claims: [(text: "often", compare: ("first", "second"), measure: Solved, direction: More, smallest: 0.2)],
+        )"#,
+    );
+    for (name, returns) in [
+        ("first/solved", "9"),
+        ("first/early", "1\n2"),
+        ("first/unsolved", "1\n2\n3"),
+        ("second/solved", "1\n2\n8"),
+        ("second/unsolved", "1\n2\n4\n9"),
+    ] {
+        fixture.write(&format!("{name}.csv"), &format!("return\n{returns}\n"));
+    }
+    fixture.succeed(&[]);
+    let results = Results::read(&StudyFolder::new(fixture.path("out"))).unwrap();
+    let comparison = claims::evaluate(&results)[0].comparison.unwrap();
+    assert_eq!(
+        (comparison.values, comparison.ended_early),
+        ([0.5, 0.5], [1, 0])
+    );
+    let tables = fixture.output("tables.md");
+    let note = "Not known of runs that ended before `max_episodes` without solving their task, which they may have solved \
+                afterwards: 1 of 3 runs of first. Intervals hold for all that is possible, and shares are its middle.";
+    assert!(tables.contains(note), "{tables}");
+    assert!(
+        tables.contains("| first | 3 | 0.5 (0.0615 to 0.939) |"),
+        "{tables}"
+    );
+    assert!(fixture.output("claims.md").contains(note));
+}

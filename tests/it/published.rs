@@ -59,6 +59,61 @@ fn documents() -> Vec<PathBuf> {
     documents
 }
 
+/// Each JSON file beside published results: not JSON, of wrong types, nested deeply, huge, a pipe, a folder.
+#[cfg(unix)]
+#[test]
+fn hostile_files_beside_published_results_are_refused_by_name() {
+    let published = Path::new(REPOSITORY).join("scenarios/thesis/results/fig_6_1");
+    let deep = "[".repeat(100_000);
+    let wrong_types = r#"{"versions": 3, "sha256": [1]}"#;
+    for (file, what) in [
+        ("builds.json", "expected the builds of published results: "),
+        (
+            "submission.json",
+            "expected the description of a submission: ",
+        ),
+        ("study.json", ""),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path().canonicalize().unwrap();
+        for file in ["study.json", "builds.json", "results.csv.gz"] {
+            fs::copy(published.join(file), folder.join(file)).unwrap();
+        }
+        let path = folder.join(file);
+        let refusal = || {
+            let output = seedbed(&["report", folder.to_str().unwrap()]);
+            assert_eq!(output.status.code(), Some(2), "{file}: {output:?}");
+            String::from_utf8(output.stderr).unwrap()
+        };
+        let begins = if file == "study.json" {
+            format!("error: not the results of a study: {}: ", path.display())
+        } else {
+            format!("error: {}: ", path.display())
+        };
+        for text in ["hello", "", "7", deep.as_str(), wrong_types] {
+            fs::write(&path, text).unwrap();
+            let error = refusal();
+            assert!(error.starts_with(&format!("{begins}{what}")), "{error}");
+        }
+        fs::File::create(&path).unwrap().set_len(1 << 32).unwrap();
+        assert_eq!(
+            refusal(),
+            format!("{begins}expected at most 64 MiB, found more\n")
+        );
+        fs::remove_file(&path).unwrap();
+        let made = std::process::Command::new("mkfifo").arg(&path).status();
+        assert!(made.unwrap().success());
+        let message = "expected a regular file, found a pipe, a socket or a device";
+        assert_eq!(refusal(), format!("{begins}{message}\n"));
+        fs::remove_file(&path).unwrap();
+        fs::create_dir(&path).unwrap();
+        assert_eq!(
+            refusal(),
+            format!("{begins}expected a file, found a folder\n")
+        );
+    }
+}
+
 #[test]
 fn tables_of_published_results_follow_from_their_rows() {
     for folder in published_folders() {

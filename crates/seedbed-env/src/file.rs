@@ -39,7 +39,7 @@ use super::tabular;
 use extends::MergedText;
 use seedbed_input::limits::{MAX_ENTRIES, short_list};
 use seedbed_input::numbers::{
-    Count, FiniteNumber, NonNegative, Positive, PositiveUpTo10, ranged_count, ranged_number,
+    Count, FiniteNumber, NonNegative, Positive, StepTime, ranged_count, ranged_number,
 };
 use seedbed_input::{Disk, FileKind, FileSource, InputError, Located};
 
@@ -56,7 +56,7 @@ pub struct TaskFile {
     /// Acceleration of free fall, m/s².
     pub gravity: Vector,
     /// Time between two actions, s.
-    pub control_step: PositiveUpTo10,
+    pub control_step: Located<StepTime>,
     /// Steps after which an episode is truncated.
     pub time_limit: Count,
     /// Mean return at which the task counts as solved.
@@ -64,7 +64,7 @@ pub struct TaskFile {
     pub reward_threshold: Option<FiniteNumber>,
     /// How accurately motion is computed.
     #[serde(default)]
-    pub solver: Solver,
+    pub solver: Located<Solver>,
     /// Fixed shapes of the world that are only drawn.
     #[serde(default, deserialize_with = "short_list")]
     pub scenery: Vec<Geom>,

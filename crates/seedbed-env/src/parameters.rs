@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use super::description::{BodyTask, Collider, Joint, JointKind};
 use super::inertia::{distance, moved_inertia, moving_parts};
 use super::physics::depth;
+use seedbed_input::numbers::readable;
 
 /// What is inaccurate, where, and what to do.
 pub(super) fn warnings(task: &BodyTask) -> Vec<String> {
@@ -64,7 +65,8 @@ fn too_fast(what: &str, frequency: f64, task: &BodyTask) -> Option<String> {
         let times = (phase / MAX_PHASE).ceil();
         format!(
             "{what} has a period of {period:.2e} s, too fast for substeps of {substep:.2e} s, which damp it away: \
-             expected {times} times as many `solver.iterations`, or a shorter `control_step`"
+             expected {} times as many `solver.iterations`, or a shorter `control_step`",
+            readable(times)
         )
     })
 }

@@ -44,7 +44,11 @@ pub(crate) fn explain(error: &ron::Error, at: &Position) -> (String, Option<Stri
     (message, None)
 }
 
-fn unexpected_name(what: &str, found: &str, expected: &[&str]) -> (String, Option<String>) {
+pub(crate) fn unexpected_name(
+    what: &str,
+    found: &str,
+    expected: &[&str],
+) -> (String, Option<String>) {
     let names = quoted_list(expected.iter().copied());
     // `InputError::unexpected_field` reads the name of a field in this message.
     let message = format!("unexpected {what} `{found}`, expected one of {names}");

@@ -3,12 +3,19 @@
 //! The parser says what it expected. This module looks at the tokens around the place where it
 //! stopped, and recognizes what people write who are used to Python, JSON, YAML or Rust.
 
+use std::ops::Range;
+
+use serde::de::DeserializeOwned;
+
 use super::error::{Position, position};
+use super::explanation::unexpected_name;
+use super::trial::{Unquoted, WholeNumberField};
 
 /// What replaces parts of an error of the parser.
 #[derive(Default)]
 pub(crate) struct Correction {
     pub(crate) position: Option<Position>,
+    pub(crate) field: Option<String>,
     pub(crate) message: Option<String>,
     pub(crate) help: Option<String>,
 }
@@ -20,11 +27,18 @@ struct Token<'a> {
     text: &'a str,
 }
 
+/// Beginning of the message about a name in quotes where a name without them is expected.
+pub const NAME_IN_QUOTES: &str = "expected a name without quotes";
+
 /// Quotes that word processors write, and single quotes.
 const OTHER_QUOTES: [char; 9] = ['\'', '`', '“', '”', '„', '‘', '’', '«', '»'];
 
-/// Explains foreign syntax where the parser has stopped, if there is any.
-pub(crate) fn correct(text: &str, at: &Position, error: &ron::Error) -> Correction {
+/// Explains foreign syntax where the parser has stopped in the text of a `T`, if there is any.
+pub(crate) fn correct<T: DeserializeOwned>(
+    text: &str,
+    at: &Position,
+    error: &ron::Error,
+) -> Correction {
     if is_about_a_value(error) {
         return Correction::default();
     }
@@ -38,6 +52,7 @@ pub(crate) fn correct(text: &str, at: &Position, error: &ron::Error) -> Correcti
             position: Some(place(text, tokens[found].start)),
             message: Some(message),
             help: Some(help),
+            ..Correction::default()
         })
     });
     let place = Place {
@@ -46,7 +61,7 @@ pub(crate) fn correct(text: &str, at: &Position, error: &ron::Error) -> Correcti
         index,
         stopped,
     };
-    never_valid.unwrap_or_else(|| place.correct(error))
+    never_valid.unwrap_or_else(|| place.correct::<T>(error))
 }
 
 /// Whether the syntax is right, and a name or a value is wrong.
@@ -69,6 +84,10 @@ fn is_about_a_value(error: &ron::Error) -> bool {
 impl<'a> Token<'a> {
     fn end(&self) -> usize {
         self.start + self.text.len()
+    }
+
+    fn range(&self) -> Range<usize> {
+        self.start..self.end()
     }
 
     /// Content of a text in quotes.
@@ -136,7 +155,13 @@ struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    fn correct(&self, error: &ron::Error) -> Correction {
+    fn correct<T: DeserializeOwned>(&self, error: &ron::Error) -> Correction {
+        let before = self.token(-1).filter(Token::is_number);
+        if let (ron::Error::IntegerOutOfBounds, Some(number)) =
+            (error, self.token(0).filter(Token::is_number).or(before))
+        {
+            return self.too_large::<T>(number);
+        }
         let Some(token) = self.token(0) else {
             return help(self.unclosed_bracket());
         };
@@ -145,13 +170,16 @@ impl<'a> Place<'a> {
             ron::Error::ExpectedInteger | ron::Error::InvalidIntegerDigit { .. }
                 if token.is_number() =>
             {
-                whole_number(token)
+                self.whole_number::<T>(token)
             }
             // The parser has read the whole number before a decimal point.
             ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd
                 if token.is_number() && self.stopped > token.start =>
             {
-                whole_number(token)
+                self.whole_number::<T>(token)
+            }
+            ron::Error::ExpectedIdentifier if token.quoted().is_some() && !self.is_key() => {
+                self.variant_in_quotes::<T>(token)
             }
             ron::Error::ExpectedInteger | ron::Error::ExpectedFloat => help(number(token)),
             ron::Error::ExpectedArray => help(self.list(token)),
@@ -181,6 +209,60 @@ impl<'a> Place<'a> {
         })
     }
 
+    /// Whether a value follows.
+    fn is_key(&self) -> bool {
+        self.token(1).is_some_and(|next| next.text == ":")
+    }
+
+    /// A whole number that its field cannot hold.
+    fn too_large<T: DeserializeOwned>(&self, token: Token<'_>) -> Correction {
+        let Some(at) = WholeNumberField::of::<T>(self.text, &token.range()) else {
+            return Correction::default();
+        };
+        let expected = at.own_range.unwrap_or(at.bits);
+        Correction {
+            position: Some(place(self.text, token.start)),
+            field: Some(at.field),
+            message: Some(format!("expected {expected}, found {}", shown(token.text))),
+            help: None,
+        }
+    }
+
+    /// A number that is not written as a whole number.
+    fn whole_number<T: DeserializeOwned>(&self, token: Token<'_>) -> Correction {
+        let number: Option<f64> = token.text.replace('_', "").parse().ok();
+        let whole = number.filter(|number| number.fract() == 0.0 && number.abs() < 1e15);
+        let at = WholeNumberField::of::<T>(self.text, &token.range());
+        let (field, range) = at.map(|at| (at.field, at.own_range)).unzip();
+        let expected = range.flatten().unwrap_or("a whole number".to_owned());
+        Correction {
+            field,
+            message: Some(format!(
+                "expected {expected}, found `{}`",
+                shown(token.text)
+            )),
+            help: whole.map(|whole| format!("write `{whole:.0}`")),
+            position: None,
+        }
+    }
+
+    /// A text in quotes in place of a variant.
+    fn variant_in_quotes<T: DeserializeOwned>(&self, token: Token<'_>) -> Correction {
+        let name = token.quoted().unwrap_or_default();
+        let (message, help) = match Unquoted::of::<T>(self.text, &token.range(), name) {
+            Unquoted::Unknown(variants) => unexpected_name("variant", name, variants),
+            Unquoted::Variant(written) => (
+                format!("{NAME_IN_QUOTES}, found `{}`", shown(token.text)),
+                Some(format!("write `{written}`")),
+            ),
+        };
+        Correction {
+            message: Some(message),
+            help,
+            ..Correction::default()
+        }
+    }
+
     fn list(&self, token: Token<'_>) -> Option<String> {
         if token.text == "(" || token.text == "{" {
             let line = self.text[token.end()..].lines().next().unwrap_or_default();
@@ -196,7 +278,6 @@ impl<'a> Place<'a> {
 
     fn other(&self, token: Token<'a>, error: &ron::Error) -> Option<String> {
         let next = self.token(1);
-        let is_key = next.is_some_and(|next| next.text == ":");
         let before = self.token(-1);
         if self.is_decimal_comma(token) {
             let whole = self.token(-2)?;
@@ -214,7 +295,7 @@ impl<'a> Place<'a> {
         if before.is_some_and(|before| "+*/^%".contains(before.text)) {
             return Some(NO_ARITHMETIC.to_owned());
         }
-        if let Some(name) = token.quoted().filter(|_| is_key) {
+        if let Some(name) = token.quoted().filter(|_| self.is_key()) {
             return Some(format!(
                 "write the name of a field without quotes: `{name}: …`"
             ));
@@ -287,21 +368,7 @@ fn boolean(token: Token<'_>) -> Correction {
             shown(token.text)
         )),
         help: meant.map(|meant| format!("write `{meant}`")),
-        position: None,
-    }
-}
-
-/// A number that is not written as a whole number.
-fn whole_number(token: Token<'_>) -> Correction {
-    let number: Option<f64> = token.text.replace('_', "").parse().ok();
-    let whole = number.filter(|number| number.fract() == 0.0 && number.abs() < 1e15);
-    Correction {
-        message: Some(format!(
-            "expected a whole number, found `{}`",
-            shown(token.text)
-        )),
-        help: whole.map(|whole| format!("write `{whole:.0}`")),
-        position: None,
+        ..Correction::default()
     }
 }
 

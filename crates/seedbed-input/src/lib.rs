@@ -16,6 +16,8 @@ pub mod limits;
 mod located;
 mod names;
 pub mod numbers;
+mod parser;
+mod trial;
 
 use std::path::Path;
 
@@ -27,8 +29,9 @@ pub use error::{InputError, Position, error_at};
 pub use files::{
     Disk, FileSource, find_upwards, folders_upwards, is_ron, read_text, read_text_from, unreadable,
 };
+pub use foreign::NAME_IN_QUOTES;
 pub use kind::{FileKind, after_first_word, block_comment_length, file_kind};
-pub use located::{Document, Located, ValidationError};
+pub use located::{Document, Located, ValidationError, short_located_list};
 use located::{deserialize, deserialize_silently};
 pub use names::{nearest_name, quoted_list};
 

@@ -13,7 +13,6 @@ use std::cell::RefCell;
 use std::fmt;
 use std::ops::Deref;
 
-use ron::extensions::Extensions;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -21,8 +20,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::error::{InputError, position};
 use super::explanation::explain;
 use super::foreign;
-use super::limits::MAX_NESTING;
+use super::limits::short_list;
 use super::names::{quoted_list, suggestion};
+use super::parser::read;
 
 /// The text of a file together with the value that was read from it.
 #[derive(Debug, Clone)]
@@ -223,6 +223,29 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for Located<T> {
     }
 }
 
+/// Reads a list of at most [`MAX_ENTRIES`](super::limits::MAX_ENTRIES) entries, with its place:
+/// `#[serde(deserialize_with = …)]`.
+///
+/// # Errors
+/// The list is longer, or one of its entries is wrong.
+pub fn short_located_list<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    deserializer: D,
+) -> Result<Located<Vec<T>>, D::Error> {
+    let Located { value, ordinal } = Located::<ShortList<T>>::deserialize(deserializer)?;
+    Ok(Located {
+        value: value.0,
+        ordinal,
+    })
+}
+
+struct ShortList<T>(Vec<T>);
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for ShortList<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        short_list(deserializer).map(Self)
+    }
+}
+
 thread_local! {
     static COUNTER: RefCell<Option<OrdinalCounter>> = const { RefCell::new(None) };
 }
@@ -251,41 +274,10 @@ pub(crate) fn deserialize_silently<T: DeserializeOwned>(text: &str) -> Option<T>
 }
 
 fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, InputError> {
-    read(text).map_err(|(spanned, field)| located_error(origin, text, &spanned, field))
+    read(text).map_err(|(spanned, field)| located_error::<T>(origin, text, &spanned, field))
 }
 
-/// Reads a text. An error has the path of the field that is wrong.
-fn read<T: DeserializeOwned>(text: &str) -> Result<T, (ron::error::SpannedError, String)> {
-    let options = ron::Options::default()
-        .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES)
-        .with_recursion_limit(MAX_NESTING);
-    let mut deserializer = ron::Deserializer::from_str_with_options(text, &options)
-        .map_err(|spanned| (spanned, String::new()))?;
-    let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
-        let field = field_path(error.path());
-        (deserializer.span_error(error.into_inner()), field)
-    })?;
-    deserializer
-        .end()
-        .map_err(|error| (deserializer.span_error(error), String::new()))?;
-    Ok(value)
-}
-
-/// For example `bodies[0].mass`.
-fn field_path(path: &serde_path_to_error::Path) -> String {
-    use serde_path_to_error::Segment;
-    let segments = path.iter().filter_map(|segment| match segment {
-        Segment::Seq { index } => Some(format!("[{index}]")),
-        Segment::Map { key } | Segment::Enum { variant: key } => Some(format!(".{key}")),
-        Segment::Unknown => None,
-    });
-    segments
-        .collect::<String>()
-        .trim_start_matches('.')
-        .to_owned()
-}
-
-fn located_error(
+fn located_error<T: DeserializeOwned>(
     origin: &str,
     text: &str,
     spanned: &ron::error::SpannedError,
@@ -293,11 +285,11 @@ fn located_error(
 ) -> InputError {
     let position = position(text, spanned.span.start.line, spanned.span.start.col);
     let (message, help) = explain(&spanned.code, &position);
-    let foreign = foreign::correct(text, &position, &spanned.code);
+    let foreign = foreign::correct::<T>(text, &position, &spanned.code);
     InputError {
         origin: origin.to_owned(),
         position: Some(foreign.position.unwrap_or(position)),
-        field,
+        field: foreign.field.unwrap_or(field),
         message: foreign.message.unwrap_or(message),
         help: help.or(foreign.help),
     }

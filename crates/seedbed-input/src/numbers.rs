@@ -1,6 +1,7 @@
 //! Numbers with a range in their type, so that an error in a file points at the number itself.
 
 use std::borrow::Cow;
+use std::fmt::{Display, LowerExp};
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
@@ -82,10 +83,11 @@ ranged_number!(
     "a length from 0.000001 to 1000000 m"
 );
 ranged_number!(
-    /// A number above 0 and at most 10.
-    PositiveUpTo10,
-    |value| value > 0.0 && value <= 10.0,
-    "a number above 0 and at most 10"
+    /// A time between two actions, s. In a shorter one, motion is lost in single precision: at 1 m, positions are
+    /// 6e-8 m apart.
+    StepTime,
+    |value| (1e-6..=10.0).contains(&value),
+    "a time from 0.000001 to 10 s"
 );
 ranged_number!(
     /// A finite number of at least 0.
@@ -165,6 +167,18 @@ impl<const MAX: u32, const MIN: u32> From<Count<MAX, MIN>> for u64 {
     }
 }
 
+/// A number for messages: with an exponent if it would have many digits without.
+#[must_use]
+pub fn readable<N: Copy + Display + LowerExp + Into<f64>>(number: N) -> String {
+    let size = number.into().abs();
+    let is_short = size == 0.0 || (1e-6..1e15).contains(&size) || !size.is_finite();
+    if is_short {
+        number.to_string()
+    } else {
+        format!("{number:e}")
+    }
+}
+
 /// The smallest whole number that is at least `number`, which was computed from decimal numbers. An
 /// excess that is due to rounding does not count: 0.28 of 25 is 7, though the product of the nearest
 /// binary numbers is 7.000000000000001.
@@ -201,6 +215,21 @@ pub fn ranged_count<const MAX: u32, const MIN: u32>(value: u32) -> Count<MAX, MI
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_of_many_digits_have_an_exponent() {
+        for (number, shown) in [
+            (0.0, "0"),
+            (2.5, "2.5"),
+            (-1e300, "-1e300"),
+            (1e-30, "1e-30"),
+            (123_456.0, "123456"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(readable(number), shown);
+        }
+        assert_eq!(readable(1e38_f32), "1e38");
+    }
 
     /// All shares with two decimals of counts up to 1000 are ⌈n c / 100⌉, in whole numbers.
     #[test]

@@ -241,3 +241,117 @@ fn a_long_line_is_shortened_around_the_caret() {
     assert!(lines[1].len() <= 104, "{shown}");
     assert!(lines[1][..=caret].ends_with('c'), "{shown}");
 }
+
+/// Field, message and help of the error of a text that is not a team.
+fn explained(text: &str) -> (String, String, Option<String>) {
+    let error = parse::<Team>("team.ron", text.to_owned()).unwrap_err();
+    (error.field, error.message, error.help)
+}
+
+#[test]
+fn whole_numbers_that_do_not_fit_are_answered_with_their_field_and_range() {
+    for (number, shown, help) in [
+        ("-3", "-3", None),
+        ("99999999999999999999", "99999999999999999999", None),
+        ("3.0", "`3.0`", Some("write `3`")),
+        ("3.5", "`3.5`", None),
+        ("1e300", "`1e300`", None),
+    ] {
+        let text = TEXT.replace("Reserve(3)", &format!("Reserve({number})"));
+        let (field, message, found_help) = explained(&text);
+        assert_eq!(field, "members[2].role.Reserve", "{number}");
+        let expected = format!("expected a whole number from 1 to 10, found {shown}");
+        assert_eq!(message, expected);
+        assert_eq!(found_help.as_deref(), help, "{number}");
+    }
+}
+
+/// A type without a range of its own has that of its bits.
+#[test]
+fn the_range_of_a_plain_whole_number_is_that_of_its_type() {
+    #[derive(Debug, Deserialize)]
+    #[allow(dead_code, reason = "read from a file only to fail there")]
+    struct Plain {
+        mask: Option<u32>,
+        moves: Vec<i32>,
+        seed: u64,
+    }
+    let error = |text: &str| {
+        let error = parse::<Plain>("plain.ron", text.to_owned()).unwrap_err();
+        (error.field, error.message)
+    };
+    for (text, field, message) in [
+        (
+            "(mask: -1, moves: [], seed: 1)",
+            "mask",
+            "expected a whole number from 0 to 4294967295, found -1",
+        ),
+        (
+            "(mask: None, moves: [1, 2.0], seed: 1)",
+            "moves[1]",
+            "expected a whole number, found `2.0`",
+        ),
+        (
+            "(mask: 7, moves: [1], seed: 18446744073709551616)",
+            "seed",
+            "expected a whole number from 0 to 18446744073709551615, found 18446744073709551616",
+        ),
+    ] {
+        assert_eq!(error(text), (field.to_owned(), message.to_owned()));
+    }
+}
+
+#[test]
+fn variants_in_quotes_are_answered_with_the_variant() {
+    for (variant, message, help) in [
+        (
+            "\"Player\"",
+            "expected a name without quotes, found `\"Player\"`",
+            "write `Player`",
+        ),
+        (
+            "\"Coach\"",
+            "expected a name without quotes, found `\"Coach\"`",
+            "write `Coach(…)`",
+        ),
+        (
+            "\"Playr\"",
+            "unexpected variant `Playr`, expected one of `Player`, `Coach`, `Reserve`",
+            "did you mean `Player`?",
+        ),
+    ] {
+        let (field, found, found_help) = explained(&TEXT.replace("Reserve(3)", variant));
+        assert_eq!(field, "members[2].role");
+        assert_eq!(
+            (found.as_str(), found_help.as_deref()),
+            (message, Some(help))
+        );
+    }
+}
+
+#[test]
+fn a_located_list_has_at_most_the_maximum_of_entries() {
+    #[derive(Debug, Deserialize)]
+    struct Layers {
+        #[serde(deserialize_with = "short_located_list")]
+        widths: Located<Vec<u32>>,
+    }
+    let read = |layers| {
+        parse::<Layers>(
+            "layers.ron",
+            format!("(widths: [{}])", "1, ".repeat(layers)),
+        )
+    };
+    let longest = read(1000).unwrap();
+    assert_eq!(longest.value.widths.len(), 1000);
+    assert_eq!(
+        longest.locate(longest.value.widths.error("here")).field,
+        "widths"
+    );
+    let error = read(1001).unwrap_err();
+    assert_eq!(error.field, "widths");
+    assert_eq!(
+        error.message,
+        "expected a list of at most 1000 entries, found more"
+    );
+}

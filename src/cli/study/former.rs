@@ -28,9 +28,10 @@ pub(in crate::cli) fn translated(arguments: &[OsString]) -> Option<Vec<OsString>
     let given = |option: &str| split.iter().any(|(name, _)| name == option);
     let (option, action, value_option) = ACTIONS.into_iter().find(|(option, ..)| given(option))?;
     let mut new: Vec<OsString> = vec!["study".into(), action.into()];
-    for (word, (name, value)) in rest.iter().zip(&split) {
+    for (index, (word, (name, value))) in rest.iter().zip(&split).enumerate() {
         if name == option {
-            new.extend(option_with_value(value_option, value.as_deref(), action));
+            let next = split.get(index + 1).map(|(word, _)| word.as_str());
+            new.extend(option_with_value(value_option, value.as_deref(), next));
         } else if name == "--confirm" {
             new.push("--registered".into());
         } else {
@@ -54,14 +55,23 @@ fn split(word: &OsString) -> (String, Option<String>) {
     }
 }
 
-/// The option of today for the value of a former one, which may follow as the next word.
-fn option_with_value(option: &str, value: Option<&str>, action: &str) -> Vec<OsString> {
+/// The option of today for the value of a former one, which may be the `next` word.
+fn option_with_value(option: &str, value: Option<&str>, next: Option<&str>) -> Vec<OsString> {
+    let has_value = next.is_some_and(|next| option != "--runs" || is_amount(next));
     match value {
         Some(value) => vec![format!("{option}={value}").into()],
-        // `--verify` has a default; the values of the others follow.
-        None if option.is_empty() || action == "verify" => Vec::new(),
+        None if option.is_empty() || !has_value => Vec::new(),
         None => vec![option.into()],
     }
+}
+
+/// Whether a word is a number of runs, or a share.
+fn is_amount(word: &str) -> bool {
+    let number = word.strip_suffix('%').unwrap_or(word);
+    !number.is_empty()
+        && number
+            .bytes()
+            .all(|byte| byte.is_ascii_digit() || byte == b'.')
 }
 
 #[cfg(test)]
@@ -77,6 +87,11 @@ mod tests {
                 Some("study verify a.ron b.ron --registered --runs=2% --draw 3"),
             ),
             ("study a.ron --verify", Some("study verify a.ron")),
+            (
+                "study a.ron --verify 3",
+                Some("study verify a.ron --runs 3"),
+            ),
+            ("study --verify a.ron", Some("study verify a.ron")),
             (
                 "study a.ron --merge one two --out o",
                 Some("study merge a.ron --from one two --out o"),

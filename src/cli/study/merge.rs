@@ -111,7 +111,9 @@ fn check_source(
 
 fn merge_error(error: &MergeError) -> CliError {
     match error {
-        MergeError::Damaged(_) | MergeError::Conflicts(_) => CliError::Usage(error.to_string()),
+        MergeError::Damaged(_) | MergeError::Unreadable(_) | MergeError::Conflicts(_) => {
+            CliError::Usage(error.to_string())
+        }
         MergeError::Changed(_) | MergeError::Store(_) => CliError::Runtime(error.to_string()),
     }
 }

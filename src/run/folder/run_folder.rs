@@ -32,6 +32,9 @@ pub enum Contents {
     OtherFiles,
 }
 
+/// Name of the file that a process locks while it writes.
+const LOCK_FILE: &str = ".lock";
+
 impl RunFolder {
     /// The directory at `path`, which need not exist.
     #[must_use]
@@ -111,7 +114,7 @@ impl RunFolder {
         Ok(lock)
     }
 
-    /// Removes the files of a run, and no other files. The checkpoint is removed first: if this is
+    /// Removes the files of a run, and pictures and pages of it that have their usual names, and no other files. The checkpoint is removed first: if this is
     /// stopped, no run can be resumed whose other files are gone.
     ///
     /// # Errors
@@ -134,6 +137,7 @@ impl RunFolder {
         ];
         for path in files
             .into_iter()
+            .chain(self.pictures())
             .chain(unfinished)
             .chain(self.table_files())
         {
@@ -142,6 +146,18 @@ impl RunFolder {
         let tasks = self.tasks_folder();
         let removed = ignore_not_found(fs::remove_dir_all(&tasks));
         removed.map_err(|error| cannot_remove(&tasks, &error))
+    }
+
+    /// Names of files that [`clear`](Self::clear) has left, sorted: they are not of a run, or have names that users
+    /// chose.
+    #[must_use]
+    pub fn other_files(&self) -> Vec<String> {
+        let entries = fs::read_dir(&self.path).into_iter().flatten().flatten();
+        let files = entries.filter(|entry| entry.path().is_file());
+        let names = files.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        let mut names: Vec<String> = names.filter(|name| name != LOCK_FILE).collect();
+        names.sort();
+        names
     }
 
     /// Renames the recording of a run that is continued without one, and returns its new path;
@@ -195,6 +211,37 @@ impl RunFolder {
     #[must_use]
     pub fn replay_file(&self) -> PathBuf {
         self.path.join("replay.rrd")
+    }
+
+    /// Path of the picture that `seedbed plot` draws of the run.
+    #[must_use]
+    pub fn plot_file(&self) -> PathBuf {
+        self.path.join("plot.svg")
+    }
+
+    /// Path of the film that `seedbed film` makes of the run.
+    #[must_use]
+    pub fn film_file(&self) -> PathBuf {
+        self.path.join("film.gif")
+    }
+
+    /// Path of the page that `seedbed explore` writes of the run.
+    #[must_use]
+    pub fn page_file(&self) -> PathBuf {
+        self.path.join("explore.html")
+    }
+
+    /// Paths of all pictures and pages of the run and of its recordings, unless users chose their names.
+    fn pictures(&self) -> Vec<PathBuf> {
+        let mut pictures = vec![self.plot_file(), self.film_file(), self.page_file()];
+        for recording in [
+            self.recording_file(),
+            self.replay_file(),
+            self.incomplete_recording_file(),
+        ] {
+            pictures.extend(["svg", "html"].map(|extension| recording.with_extension(extension)));
+        }
+        pictures
     }
 
     /// Paths of `episodes.csv` and `rounds.csv`.
@@ -301,7 +348,7 @@ impl RunFolder {
     }
 
     fn lock_file(&self) -> PathBuf {
-        self.path.join(".lock")
+        self.path.join(LOCK_FILE)
     }
 }
 

@@ -94,11 +94,17 @@ impl Visitation {
         self.visited as f64 / self.counts.len() as f64
     }
 
-    /// Entropy of the visited states, averaged over grids, in nats, from 0 to
-    /// [`max_entropy`](Self::max_entropy), except for rounding: see [`without_rounding_error`].
+    /// Entropy of the visited states, averaged over grids with visits, in nats, from 0 to
+    /// [`max_entropy`](Self::max_entropy), except for rounding: see [`without_rounding_error`]. A grid has no
+    /// visits if an observation was always NaN.
     #[must_use]
     pub fn entropy(&self) -> f64 {
-        self.grids().map(entropy).sum::<f64>() / self.grids().len() as f64
+        let has_visits = |grid: &&[u32]| grid.iter().any(|&count| count > 0);
+        let grids = self.grids().filter(has_visits);
+        let (sum, count) = grids.fold((0.0, 0_u32), |(sum, count), grid| {
+            (sum + entropy(grid), count + 1)
+        });
+        sum / f64::from(count.max(1))
     }
 
     /// The entropy as a share of the largest possible one, from 0 to 1 (Pielou's evenness).
@@ -364,6 +370,24 @@ mod tests {
     }
 
     /// ln 41 − (41 ln 41) / 41 is −4.4e-16 or 0 in double precision, depending on the count.
+    /// All cells of the first two observations are visited once, and the third is always NaN: nothing is known of its
+    /// grids.
+    #[test]
+    fn an_observation_that_is_always_nan_does_not_change_the_evenness() {
+        let quantity = |name| Quantity::new(name, "", [0.0, 20.0]);
+        let observations = ["x", "y", "z"].map(quantity);
+        let mut states = Vec::new();
+        for x in 0..20_u8 {
+            for y in 0..20_u8 {
+                states.extend([f32::from(x) + 0.5, f32::from(y) + 0.5, f32::NAN]);
+            }
+        }
+        let mut visitation = Visitation::for_observations(&observations);
+        assert_eq!(visitation.evenness(), 0.0);
+        visitation.visit_states(&observations, &states);
+        assert!((visitation.evenness() - 1.0).abs() < 1e-12);
+    }
+
     #[test]
     fn a_single_visited_cell_has_no_evenness() {
         for count in 1..2000 {

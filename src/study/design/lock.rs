@@ -124,9 +124,12 @@ pub struct Ancestor {
 /// Error: a study cannot be registered or confirmed.
 #[derive(Debug, thiserror::Error)]
 pub enum RegistrationError {
-    /// The lock file cannot be read or written.
+    /// The lock file cannot be written.
     #[error(transparent)]
     File(#[from] FileError),
+    /// The lock file, or the file of former digests beside it, cannot be read.
+    #[error(transparent)]
+    Unreadable(FileError),
     /// There is no lock file.
     #[error("{path}: no such file; register the study with `seedbed study register` first", path = .0.display())]
     NotRegistered(PathBuf),
@@ -362,7 +365,10 @@ impl Lock {
             Err(error) if error.kind() == std::io::ErrorKind::InvalidData => {
                 return Err(Self::invalid(path, &error));
             }
-            Err(error) => return Err(file_error(path, &error).into()),
+            Err(error) => {
+                let error = file_error(path, &error);
+                return Err(RegistrationError::Unreadable(error));
+            }
         };
         let lock: Self =
             serde_json::from_str(&text).map_err(|error| Self::invalid(path, &error))?;

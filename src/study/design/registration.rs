@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::study::FileError;
 use crate::study::design::FormerDigests;
 use crate::study::design::cell::{Cell, CellDescription};
 use crate::study::design::file::Study;
@@ -78,10 +77,13 @@ impl Registered {
     }
 
     /// What differs between this and a study, as sentences without a full stop.
-    fn differences_of_plan(&self, plan: &StudyPlan) -> Result<Vec<String>, FileError> {
+    fn differences_of_plan(&self, plan: &StudyPlan) -> Result<Vec<String>, RegistrationError> {
         let mut cells = descriptions(plan);
         if self.settings_version == 0 {
-            cells = FormerDigests::beside(&plan.path)?.of_cells(cells);
+            let former = FormerDigests::beside(&plan.path);
+            cells = former
+                .map_err(RegistrationError::Unreadable)?
+                .of_cells(cells);
         }
         let planned = Self::of(&plan.name, study_of(plan), &cells, self.settings_version);
         Ok(self.differences(&planned))

@@ -65,8 +65,8 @@ pub struct Comparison {
     pub values: [f64; 2],
     /// Number of episodes or steps up to which times are compared; infinite for other measures.
     pub horizon: f64,
-    /// Number of runs of the first and of the second cell that ended before the horizon without
-    /// reaching the time that is compared.
+    /// Number of runs of the first and of the second cell of which the value is not known, because they ended
+    /// early without reaching the time that is compared, or without solving their task.
     pub ended_early: [usize; 2],
     /// Effect: first minus second. Its interval is the 95 % interval of a single comparison.
     pub effect: Estimate,
@@ -86,7 +86,7 @@ pub fn summarize_scores(scores: &[RunScore], measure: Measure) -> Option<Aggrega
     let reached = values.iter().filter(|value| value.is_finite()).count();
     let all_reached = reached == values.len();
     let (center, interquartile_mean) = match Quantity::of(measure, f64::INFINITY) {
-        Quantity::Share => (share_with_interval(&values), None),
+        Quantity::Share => (share_with_interval(scores), None),
         Quantity::RestrictedMeanTime { .. } => {
             let iqm = || bootstrap_mean_and_interquartile_mean(&values)[1];
             (median_time(scores), all_reached.then(iqm))
@@ -109,13 +109,17 @@ pub fn summarize_scores(scores: &[RunScore], measure: Measure) -> Option<Aggrega
     })
 }
 
-/// Share of runs with the value 1, with Wilson's interval.
-fn share_with_interval(values: &[f64]) -> Estimate {
-    let share = share_of_successes(values);
-    Estimate {
-        value: share.value(),
-        interval: wilson_interval(share),
-    }
+/// Share of runs with the value 1, with Wilson's interval; if only a range is known, its middle, with the interval
+/// of all that is possible.
+fn share_with_interval(scores: &[RunScore]) -> Estimate {
+    let values = Values::of(scores, Quantity::Share);
+    hull([&values.least, &values.most].map(|values| {
+        let share = share_of_successes(values);
+        Estimate {
+            value: share.value(),
+            interval: wilson_interval(share),
+        }
+    }))
 }
 
 /// Kaplan–Meier median with its interval.
@@ -381,6 +385,7 @@ fn pairs_with_common_seeds(first: &[RunScore], second: &[RunScore]) -> [Vec<RunS
 #[cfg(test)]
 mod tests {
     use super::*;
+    use seedbed_stats::shares::Share;
 
     /// Scores of times such as `10 50+`, where `50+` is a run that ended at 50 without reaching its
     /// time. Run seeds count from 0.
@@ -477,6 +482,47 @@ mod tests {
             (comparison.effect.value, comparison.ended_early),
             (-72.0, [0, 4])
         );
+    }
+
+    /// Two runs of the first cell ended early without solving their task: 2, 3 or 4 of 6 may have solved it. The
+    /// interval is that of the shares 2/6 and 4/6 against 1/6.
+    #[test]
+    fn runs_that_ended_early_may_have_solved_their_task() {
+        let mut first = times("1 1 0 0 0 0");
+        first[2].observed_until = 30.0;
+        first[3].observed_until = 40.0;
+        let second = times("1 0 0 0 0 0");
+        let samples =
+            |first: &[RunScore]| Samples::new(first, &second, Quantity::Share, false).unwrap();
+        let unknown = samples(&first);
+        let test = unknown.test();
+        let found = unknown.compare(&*test);
+        assert_eq!(
+            (found.values, found.ended_early),
+            ([0.5, 1.0 / 6.0], [2, 0])
+        );
+        assert!((found.effect.value - 1.0 / 3.0).abs() < 1e-12);
+        let [least, most] = ["1 1 0 0 0 0", "1 1 1 1 0 0"].map(|first| {
+            let first = times(first);
+            let known = samples(&first);
+            known
+                .compare(&*known.test())
+                .effect
+                .interval
+                .ends()
+                .unwrap()
+        });
+        assert_eq!(found.effect.interval.ends(), Some([least[0], most[1]]));
+        assert!(!found.is_constant);
+
+        let share = summarize_scores(&first, Measure::Solved).unwrap().center;
+        let wilson = |successes| {
+            wilson_interval(Share { successes, runs: 6 })
+                .ends()
+                .unwrap()
+        };
+        assert_eq!(share.value, 0.5);
+        assert_eq!(share.interval.ends(), Some([wilson(2)[0], wilson(4)[1]]));
     }
 
     /// Six of six against none of six.

@@ -7,6 +7,8 @@
 use crate::experiment::measure::Measure;
 use crate::study::design::file::Exploration;
 use crate::study::evaluate::results::{CellResults, Results};
+use crate::study::evaluate::rules::Quantity;
+use crate::study::evaluate::score::RunScore;
 use crate::text::short_number as number;
 use seedbed_stats::aggregate::mean;
 
@@ -88,7 +90,8 @@ fn gate(results: &Results, exploration: &Exploration, (task, agents): (&str, u32
             (cell.description.task.as_str(), cell.description.agents) == (task, agents)
                 && is_baseline == among_baselines
         });
-        let means = cells.filter_map(|cell| mean_of_cell(cell, *exploration.measure));
+        let means =
+            cells.filter_map(|cell| mean_of_cell(cell, *exploration.measure, among_baselines));
         means.reduce(|best, other| if other.1 > best.1 { other } else { best })
     };
     Some(Gate {
@@ -99,12 +102,14 @@ fn gate(results: &Results, exploration: &Exploration, (task, agents): (&str, u32
     })
 }
 
-fn mean_of_cell(cell: &CellResults, measure: Measure) -> Option<(String, f64)> {
-    let values: Vec<f64> = cell
-        .scores(measure)
-        .iter()
-        .map(|score| score.value)
-        .collect();
+/// The mean of a cell: of what is known only as a range, the largest possible one of baselines and the smallest
+/// possible one of other methods, so that no task passes by what is not known.
+fn mean_of_cell(cell: &CellResults, measure: Measure, is_baseline: bool) -> Option<(String, f64)> {
+    let value = |score: &RunScore| match Quantity::of(measure, f64::INFINITY) {
+        Quantity::Share => Quantity::Share.range(*score)[usize::from(is_baseline)],
+        Quantity::Mean | Quantity::RestrictedMeanTime { .. } => score.value,
+    };
+    let values: Vec<f64> = cell.scores(measure).iter().map(value).collect();
     (!values.is_empty()).then(|| (cell.description.name.clone(), mean(&values)))
 }
 

@@ -357,10 +357,26 @@ impl CellResults {
         self.costs.push((run_seed, cost));
         self.scores
             .resize_with(measures.len(), || (Measure::Solved, Vec::new()));
-        for ((entry, &measure), score) in self.scores.iter_mut().zip(measures).zip(scores) {
-            entry.0 = measure;
-            entry.1.extend(score);
+        let end_of = |measure| self.early_end(measure, cost);
+        let ends: Vec<Option<f64>> = measures.iter().map(|&measure| end_of(measure)).collect();
+        let entries = self.scores.iter_mut().zip(measures);
+        for (((entries, &measure), score), end) in entries.zip(scores).zip(ends) {
+            entries.0 = measure;
+            entries.1.extend(score.map(|score| RunScore {
+                observed_until: end.unwrap_or(score.observed_until),
+                ..score
+            }));
         }
+    }
+
+    /// The number of episodes after which a run of others ended without solving its task, if it has fewer than
+    /// the cell: then it is not known whether it would have solved it.
+    fn early_end(&self, measure: Measure, cost: RunCost) -> Option<f64> {
+        let is_unsolved = measure == Measure::Solved && cost.solved == Some(false);
+        let is_of_others = self.description.external.is_some();
+        let max_episodes = f64::from(self.description.max_episodes);
+        let episodes = cost.episodes.filter(|_| is_unsolved && is_of_others);
+        episodes.filter(|episodes| *episodes < max_episodes)
     }
 
     /// Run seeds of all runs that have finished or failed.

@@ -11,7 +11,7 @@ use seedbed_stats::shares::{self, TwoShares};
 /// What is compared, and how.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
-    /// Shares of runs with the value 1.
+    /// Shares of runs with the value 1. Runs of others that ended early without it may have had either.
     Share,
     /// Means.
     Mean,
@@ -37,15 +37,20 @@ impl Quantity {
     }
 
     /// The value of a run that is compared: a time up to the horizon, or the measure itself. Of a run
-    /// that ended before the horizon, the largest possible time.
+    /// that ended early, the largest possible time, or ½ if it may have solved its task afterwards.
     #[must_use]
     pub fn value(self, score: RunScore) -> f64 {
-        self.range(score)[1]
+        let [least, most] = self.range(score);
+        match self {
+            Self::Share => f64::midpoint(least, most),
+            Self::Mean | Self::RestrictedMeanTime { .. } => most,
+        }
     }
 
     /// The smallest and the largest possible value of a run.
     pub(super) fn range(self, score: RunScore) -> [f64; 2] {
         match self {
+            Self::Share if score.observed_until.is_finite() => [0.0, 1.0],
             Self::Share | Self::Mean => [score.value; 2],
             Self::RestrictedMeanTime { horizon } => score.time_to_event().range_up_to(horizon),
         }

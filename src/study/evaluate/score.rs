@@ -12,7 +12,8 @@ pub struct RunScore {
     pub run_seed: u64,
     /// Value of the measure; infinite for a time that was not reached.
     pub value: f64,
-    /// For a time that was not reached, the end of the run; otherwise infinite.
+    /// For a time that was not reached, the end of the run, and so for a task that a run of others did not solve
+    /// before an early end; otherwise infinite.
     pub observed_until: f64,
     /// Magnitude of what was added up for the value, to which its rounding error is proportional.
     pub magnitude: f64,

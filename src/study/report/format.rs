@@ -72,10 +72,21 @@ pub(super) fn estimate(estimate: Estimate) -> String {
 pub(super) fn effect(comparison: &Comparison, interval: Interval) -> String {
     let [first, second] = comparison.values.map(number);
     format!(
-        "{} ({}), {first} against {second}",
-        number(comparison.effect.value),
-        self::interval(interval)
+        "{}, {first} against {second}",
+        difference(comparison, interval)
     )
+}
+
+/// The effect of a comparison with its interval, such as `−0.25 (−0.4 to −0.1)`. An interval without a width says
+/// nothing of other runs, if all have the same value.
+pub(super) fn difference(comparison: &Comparison, interval: Interval) -> String {
+    let has_no_width = interval.ends().is_some_and(|[low, high]| low == high);
+    let interval = if comparison.is_constant && has_no_width {
+        "no interval: all runs have the same value".to_owned()
+    } else {
+        self::interval(interval)
+    };
+    format!("{} ({interval})", number(comparison.effect.value))
 }
 
 /// A p-value, such as `0.0312` or `< 0.0001`.
@@ -174,6 +185,36 @@ mod tests {
             [0.03125, 0.00002].map(p_equation),
             ["p = 0.0312", "p < 0.0001"]
         );
+    }
+
+    /// The exact interval of shares has a width also if all runs are solved.
+    #[test]
+    fn equal_values_of_all_runs_have_no_interval_without_a_width() {
+        let estimate = |low, high| Estimate {
+            value: 0.0,
+            interval: Interval::Known { low, high },
+        };
+        let comparison = |is_constant| Comparison {
+            n: [5, 5],
+            values: [7.0, 7.0],
+            horizon: f64::INFINITY,
+            ended_early: [0, 0],
+            effect: estimate(0.0, 0.0),
+            probability_below: estimate(0.0, 1.0),
+            is_constant,
+        };
+        for (is_constant, [low, high], expected) in [
+            (
+                true,
+                [0.0, 0.0],
+                "0 (no interval: all runs have the same value), 7 against 7",
+            ),
+            (true, [-0.4, 0.4], "0 (−0.4 to 0.4), 7 against 7"),
+            (false, [-2.0, 3.0], "0 (−2 to 3), 7 against 7"),
+        ] {
+            let found = effect(&comparison(is_constant), Interval::Known { low, high });
+            assert_eq!(found, expected);
+        }
     }
 
     #[test]

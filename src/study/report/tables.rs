@@ -202,6 +202,9 @@ fn measure_table(results: &Results, measure: Measure) -> Table {
 
 /// Which runs ended before the episode of a measure, so that it is not known of them; empty if none.
 pub(super) fn note_about_early_ends(results: &Results, measure: Measure) -> String {
+    if measure == Measure::Solved {
+        return note_about_unsolved_runs(results);
+    }
     let Some(episode) = measure.needed_episode() else {
         return String::new();
     };
@@ -226,6 +229,28 @@ pub(super) fn note_about_early_ends(results: &Results, measure: Measure) -> Stri
     )
 }
 
+/// Which runs of others ended early, so that it is not known whether they would have solved their task; empty if
+/// none.
+fn note_about_unsolved_runs(results: &Results) -> String {
+    let cells = results.cells.iter().filter_map(|cell| {
+        let scores = cell.scores(Measure::Solved);
+        let early = scores
+            .iter()
+            .filter(|score| score.observed_until.is_finite());
+        let (early, runs) = (early.count(), scores.len());
+        (early > 0).then(|| format!("{early} of {runs} runs of {}", cell.description.name))
+    });
+    let cells: Vec<String> = cells.collect();
+    if cells.is_empty() {
+        return String::new();
+    }
+    format!(
+        "Not known of runs that ended before `max_episodes` without solving their task, which they may have solved \
+         afterwards: {}. Intervals hold for all that is possible, and shares are its middle.",
+        cells.join("; ")
+    )
+}
+
 /// What is not known of the times in a comparison, and up to which time they are compared if this
 /// follows from the runs of others. Empty if there is nothing to say.
 pub(super) fn note_about_times(
@@ -241,6 +266,10 @@ pub(super) fn note_about_times(
         format!("{ended} of {runs} runs of {}", names[cell])
     });
     let early: Vec<String> = early.collect();
+    if !early.is_empty() && !measure.is_time() {
+        // The table of the measure says it of each cell.
+        return String::new();
+    }
     if !early.is_empty() {
         return format!(
             "Not known up to {horizon}: {} ended before without reaching their time, which may be any after their \
@@ -401,7 +430,7 @@ fn comparison_cells(
         cell.description.name.clone(),
         first.description.name.clone(),
         n,
-        format::estimate(comparison.effect),
+        format::difference(comparison, comparison.effect.interval),
         format::estimate(comparison.probability_below),
     ]
 }

@@ -42,7 +42,10 @@ pub enum MergeError {
     /// The same runs have different results.
     #[error("{}", conflict_message(.0))]
     Conflicts(Vec<Conflict>),
-    /// A file cannot be read or written.
+    /// A result file cannot be read, or is none.
+    #[error("{0}; nothing was copied")]
+    Unreadable(FileError),
+    /// A file cannot be copied.
     #[error("cannot copy {0}")]
     Store(#[from] FileError),
 }
@@ -145,7 +148,8 @@ impl StoredFile {
     fn read(folder: &StudyFolder, run: &PlannedRun<'_>) -> Result<Option<Self>, MergeError> {
         let (digest, run_seed) = (&run.cell.digest, run.run_seed);
         let path = folder.result_file(digest, run_seed);
-        let Some(bytes) = read_if_exists(&path)? else {
+        let bytes = read_if_exists(&path).map_err(MergeError::Unreadable)?;
+        let Some(bytes) = bytes else {
             return Ok(None);
         };
         let stored = StoredRun::from_bytes(&bytes)

@@ -98,3 +98,34 @@ fn what_has_no_field_is_explained() {
     let error = run_refused(&["run", "cartpole", "--frobnicate", "3"]);
     assert!(!error.contains("write `"), "{error}");
 }
+
+/// Values of options that also work without one need a `=`.
+#[test]
+fn values_without_an_equals_sign_are_answered_with_one() {
+    let study = "scenarios/thesis/fig_6_1.ron";
+    let address = "rerun+http://127.0.0.1:9876/proxy";
+    for (arguments, wrong, written) in [
+        (["study", study, "--verify", "3"], "3", "--verify=3"),
+        (["study", study, "--verify", "2%"], "2%", "--verify=2%"),
+        (
+            ["run", "cartpole", "--serve", "9876"],
+            "9876",
+            "--serve=9876",
+        ),
+        (
+            ["run", "--serve", "9876", "cartpole"],
+            "cartpole",
+            "--serve=9876",
+        ),
+        (
+            ["run", "cartpole", "--live", address],
+            address,
+            &format!("--live={address}"),
+        ),
+    ] {
+        let error = run_refused(&arguments);
+        let expected =
+            format!("error: unexpected argument '{wrong}' found\n\n  tip: write `{written}`\n\n");
+        assert!(error.starts_with(&expected), "{error}");
+    }
+}

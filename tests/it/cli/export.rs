@@ -3,7 +3,9 @@
 
 use std::path::Path;
 
-use crate::util::{names_in, run_refused, run_successful, small_run};
+use crate::util::{
+    command, names_in, run_refused, run_successful, send_signal, small_run, stderr, wait_until,
+};
 
 fn export(run: &Path, arguments: &[&str]) -> String {
     run_successful(&[&["export", run.to_str().unwrap()], arguments].concat())
@@ -92,4 +94,122 @@ fn unknown_formats_are_refused() {
         "error: --to states.xlsx: expected a file that ends in .csv, .parquet, .npz or .rrd\n"
     );
     run_refused(&["export", run.to_str().unwrap()]);
+}
+
+/// A run of some megabytes.
+fn large_run(folder: &Path) {
+    let output = small_run(folder, &["--set", "stop=Episodes(3000)"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+}
+
+/// Signals end the process in the middle; the file that is not complete is removed, and an older one is kept.
+#[cfg(unix)]
+#[test]
+fn interrupted_commands_leave_no_incomplete_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    large_run(&run);
+    let [run, out] = [run, folder.path().join("out")].map(|path| path.display().to_string());
+    std::fs::create_dir(&out).unwrap();
+    let to = |name: &str| format!("{out}/{name}");
+    let commands = [
+        vec![
+            "export".to_owned(),
+            run.clone(),
+            "--to".to_owned(),
+            to("states.csv"),
+        ],
+        vec![
+            "export".to_owned(),
+            run.clone(),
+            "--to".to_owned(),
+            to("states.npz"),
+        ],
+        ["film", &run, "--seconds", "100", "--out", &to("run.gif")]
+            .map(str::to_owned)
+            .into(),
+        [
+            "preview",
+            "cartpole",
+            "--episodes",
+            "100000",
+            "--out",
+            &to("preview.rrd"),
+        ]
+        .map(str::to_owned)
+        .into(),
+    ];
+    for (arguments, (signal, status)) in
+        commands
+            .iter()
+            .zip([("TERM", 143), ("HUP", 129), ("INT", 130), ("TERM", 143)])
+    {
+        let target = Path::new(arguments.last().unwrap());
+        std::fs::write(target, "older").unwrap();
+        let mut process = command(arguments)
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        wait_until("a file is being written", || {
+            names_in(Path::new(&out)).len() > 1
+        });
+        send_signal(signal, &process);
+        assert_eq!(
+            process.wait().unwrap().code(),
+            Some(status),
+            "{arguments:?}"
+        );
+        let name = target.file_name().unwrap().to_str().unwrap();
+        assert_eq!(names_in(Path::new(&out)), [name]);
+        assert_eq!(std::fs::read_to_string(target).unwrap(), "older");
+        std::fs::remove_file(target).unwrap();
+    }
+}
+
+/// Under a limit of the size of files, as on a full disk, an error names the file and the cause, and nothing is left.
+#[cfg(target_os = "linux")]
+#[test]
+fn exports_that_do_not_fit_name_the_file_and_leave_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    large_run(&run);
+    let out = folder.path().join("out");
+    let program = env!("CARGO_BIN_EXE_seedbed");
+    for (arguments, file) in [
+        ("--to OUT/states.csv", "states.csv"),
+        ("--to OUT/states.parquet", "states.parquet"),
+        ("--to OUT/states.npz", "states.npz"),
+        ("--to OUT/episodes.csv --content episodes", "episodes.csv"),
+        ("--to OUT/rounds.parquet --content rounds", "rounds.parquet"),
+        ("--to OUT/rounds.npz --content rounds", "rounds.npz"),
+        ("--tensorboard OUT", ""),
+    ] {
+        std::fs::create_dir(&out).unwrap();
+        let out_text = out.to_str().unwrap();
+        let arguments = arguments.replace("OUT", out_text);
+        // In blocks of 512 bytes.
+        let script = format!(
+            "ulimit -f 16; exec {program} export {} {arguments}",
+            run.display()
+        );
+        let output = std::process::Command::new("sh")
+            .args(["-c", &script])
+            .output()
+            .unwrap();
+        let (start, end) = match file {
+            "" => (
+                format!("error: cannot write to {out_text}: "),
+                String::new(),
+            ),
+            file => (
+                format!("error: cannot write {out_text}/{file}: "),
+                String::new(),
+            ),
+        };
+        let error = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{arguments}: {error}");
+        assert_eq!(error, format!("{start}File too large (os error 27){end}\n"));
+        assert_eq!(names_in(&out), [""; 0], "{arguments}");
+        std::fs::remove_dir(&out).unwrap();
+    }
 }

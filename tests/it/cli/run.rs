@@ -573,3 +573,35 @@ fn physics_beyond_its_range_is_reported_once_and_kept_in_the_summary() {
         assert!(printed.contains(found), "{printed}");
     }
 }
+
+/// Pictures of the former run go; files with names of users stay, and are named.
+#[test]
+fn a_run_that_is_overwritten_takes_its_pictures_along() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    assert!(small_run(&path, &[]).status.success());
+    let files = names_in(&path);
+    let pictures = [
+        "plot.svg",
+        "film.gif",
+        "explore.html",
+        "run.svg",
+        "run.html",
+        "replay.svg",
+    ];
+    for name in pictures.iter().chain(&["mine.png", "notes.txt"]) {
+        std::fs::write(path.join(name), "of the former run").unwrap();
+    }
+    let output = small_run(&path, &["--overwrite", "--quiet"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(
+        stderr(&output),
+        format!(
+            "warning: kept in {}, and not of this run: mine.png, notes.txt\n",
+            path.display()
+        )
+    );
+    let mut expected = [files, vec!["mine.png".to_owned(), "notes.txt".to_owned()]].concat();
+    expected.sort();
+    assert_eq!(names_in(&path), expected);
+}

@@ -251,7 +251,7 @@ fn real(schema: &Value, random: &mut Stream) -> String {
     let value = match schema["expected"].as_str().unwrap_or_default() {
         "a number above 0" => positive(random),
         "a number of at least 0" => number(random).abs(),
-        "a number above 0 and at most 10" => positive(random).min(10.0),
+        "a time from 0.000001 to 10 s" => positive(random).clamp(1e-6, 10.0),
         "a number from 0 to 1" => (number(random).abs() / 4.0).min(1.0),
         "a number above 0 and at most 1" => (positive(random) / 2.0).clamp(1.2e-38, 1.0),
         "a number of at least 0 and below 1" => (number(random).abs() / 4.0).min(0.999),

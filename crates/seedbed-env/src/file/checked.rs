@@ -6,7 +6,7 @@ use serde::Deserialize;
 use super::{Control, DiscreteValues, Distribution};
 use crate::expression::RESERVED_NAMES;
 use seedbed_input::limits::MAX_NAME_BYTES;
-use seedbed_input::numbers::{FiniteNumber, Positive};
+use seedbed_input::numbers::{FiniteNumber, Positive, readable};
 
 /// An interval of two finite numbers, `(low, high)` with low < high.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -98,7 +98,9 @@ impl TryFrom<(f64, f64)> for Interval {
         let fits = |number: f64| number.abs() <= f64::from(f32::MAX);
         if low >= high || !low.is_finite() || !high.is_finite() {
             return Err(format!(
-                "expected a range (low, high) with low < high, found ({low}, {high})"
+                "expected a range (low, high) with low < high, found ({}, {})",
+                readable(low),
+                readable(high)
             ));
         }
         if !fits(low) || !fits(high) || !fits(high - low) || low as f32 >= high as f32 {
@@ -161,7 +163,11 @@ impl TryFrom<(f64, f64)> for Vector {
 
     fn try_from((x, y): (f64, f64)) -> Result<Self, String> {
         if !x.is_finite() || !y.is_finite() {
-            return Err(format!("expected finite numbers, found ({x}, {y})"));
+            return Err(format!(
+                "expected finite numbers, found ({}, {})",
+                readable(x),
+                readable(y)
+            ));
         }
         // Physics runs in single precision.
         if [x, y]
@@ -184,7 +190,9 @@ impl TryFrom<(f64, f64)> for Direction {
         let length = libm::hypot(x, y);
         match (x, y) {
             _ if !length.is_finite() || length == 0.0 => Err(format!(
-                "expected a direction, a vector other than zero, found ({x}, {y})"
+                "expected a direction, a vector other than zero, found ({}, {})",
+                readable(x),
+                readable(y)
             )),
             (_, 0.0) => Ok(Self([x.signum(), 0.0])),
             (0.0, _) => Ok(Self([0.0, y.signum()])),

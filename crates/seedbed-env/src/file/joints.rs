@@ -4,7 +4,7 @@ use super::resolver::{MAX_MASS, Resolver, find_index, formula};
 use super::{Distribution, Force, ForceFrame, Joint, JointKind, StartCoordinate, Vector};
 use crate::description::{self, Drive, PassiveForces};
 use crate::expression::Type;
-use seedbed_input::numbers::{FiniteNumber, NonNegative};
+use seedbed_input::numbers::{FiniteNumber, NonNegative, readable};
 use seedbed_input::{Located, ValidationError};
 
 impl Joint {
@@ -281,6 +281,8 @@ fn check_start(start: &StartCoordinate, joint: &Joint) -> Result<(), ValidationE
     }
     let name = start.joint.as_str();
     Err(start.joint.error(format!(
-        "joint `{name}` would start outside its range ({low}, {high}): move `position` inside it"
+        "joint `{name}` would start outside its range ({}, {}): move `position` inside it",
+        readable(low),
+        readable(high)
     )))
 }

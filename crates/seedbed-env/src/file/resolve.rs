@@ -19,6 +19,7 @@ impl Resolver<'_> {
     pub(super) fn task(&self, name: &str, origin: &str) -> Result<BodyTask, ValidationError> {
         let file = self.file;
         self.check_names()?;
+        self.check_substeps()?;
         self.check_fluid_boxes()?;
         self.check_terrains()?;
         self.check_ccd()?;
@@ -77,6 +78,34 @@ impl Resolver<'_> {
             time_limit: file.time_limit.get(),
             reward_threshold: file.reward_threshold.map(FiniteNumber::get_f32),
         }
+    }
+
+    /// Checks that substeps are not so short that nothing moves in them, and that a step ends in a reasonable time.
+    fn check_substeps(&self) -> Result<(), ValidationError> {
+        let (solver, control_step) = (&self.file.solver, &self.file.control_step);
+        let [iterations, passes, searches] = [
+            solver.substeps,
+            solver.solver_iterations,
+            solver.contact_updates,
+        ]
+        .map(|count| u64::from(count.get()));
+        let substeps = iterations * searches;
+        if substeps * passes > MAX_PASSES_PER_STEP {
+            return Err(solver.error(format!(
+                "each step would take {} passes over all joints and contacts: expected a product of `iterations`, `passes` \
+                 and `searches` of at most {MAX_PASSES_PER_STEP}",
+                substeps * passes
+            )));
+        }
+        let shortest = MIN_SUBSTEP * substeps as f64;
+        if control_step.get() < shortest {
+            return Err(control_step.error(format!(
+                "expected at least {shortest:e} s for {substeps} substeps (`iterations` times `searches` of the solver), found \
+                 {:e}: in less than {MIN_SUBSTEP:e} s motion is lost in single precision",
+                control_step.get()
+            )));
+        }
+        Ok(())
     }
 
     /// The world first, if it has shapes to draw, then every body, then every marker. `None` if
@@ -294,6 +323,12 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> 
     }
     Ok(Inertial { mass, com, inertia })
 }
+
+/// Shortest substep, s: a body at 1 m moves by a rounding error in it, at 1 m/s.
+const MIN_SUBSTEP: f64 = 1e-7;
+
+/// Maximum number of passes over all joints and contacts per step: a step with so many takes a second.
+const MAX_PASSES_PER_STEP: u64 = 1_000_000;
 
 /// Whether a number above 0 keeps its precision as an `f32`.
 fn is_single(number: f64) -> bool {

@@ -22,6 +22,7 @@ use crate::team::{
     ActionRequest, AgentUpdate, LearningRequest, SavedTeam, Team, TeamContext, Workers,
 };
 use seedbed_env::TaskSpec;
+use seedbed_input::limits::short_list;
 use seedbed_input::numbers::{
     Count, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number, share_of_count,
 };
@@ -41,6 +42,7 @@ pub struct CrossEntropy {
     /// Number of rounds until the added standard deviation is 0.
     pub extra_rounds: Count,
     /// Number of units of each hidden layer of the policy; an empty list makes a linear policy.
+    #[serde(deserialize_with = "short_list")]
     pub hidden: Vec<Count<4096>>,
     /// How observations are scaled for the policy.
     pub observations: ObservationScaling,

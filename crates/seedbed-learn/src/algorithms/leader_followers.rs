@@ -32,7 +32,7 @@ use crate::scaling::ObservationScaling;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, Fraction, NonNegative, Positive, ranged_count, ranged_number};
-use seedbed_input::{Located, ValidationError};
+use seedbed_input::{Located, ValidationError, short_located_list};
 
 /// Leader and followers (SAPG, Singla, Agarwal & Pathak 2024): agent 0, the leader, also learns from
 /// episodes of the followers, which learn from their own only. Each agent has networks of its own; in
@@ -64,6 +64,7 @@ pub struct LeaderFollowers {
     /// How actions are chosen from the policy's distribution.
     pub actions: Located<ActionSelection>,
     /// Number of units of each hidden layer, the same for both networks.
+    #[serde(deserialize_with = "short_located_list")]
     pub hidden: Located<Vec<Count<4096>>>,
     /// Number of passes over the episodes of a round.
     pub epochs: Count<10_000>,

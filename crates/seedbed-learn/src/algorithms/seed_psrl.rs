@@ -29,6 +29,7 @@ use crate::team::{
     ActionRequest, AgentUpdate, LearningRequest, SavedTeam, Team, TeamContext, Workers,
 };
 use seedbed_env::TaskSpec;
+use seedbed_input::limits::short_list;
 use seedbed_input::numbers::{
     Count, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
@@ -72,6 +73,7 @@ pub struct SeedPsrl {
     /// Number of transitions per gradient step.
     pub minibatch: Count<100_000>,
     /// Number of units of each hidden layer of the model.
+    #[serde(deserialize_with = "short_list")]
     pub hidden: Vec<Count<4096>>,
     /// Further parameters of the model.
     pub network: BayesianSettings,

@@ -49,7 +49,8 @@ pub(super) fn check_submission(folder: &Path) -> Result<(), ResultsError> {
     let path = root.join(SUBMISSION);
     let error = |message: String| table_error(&path, message);
     let bytes = read_bytes(&path, MAX_SMALL_FILE_BYTES).map_err(|e| error(e.to_string()))?;
-    let submission: Listed = serde_json::from_slice(&bytes).map_err(|e| error(e.to_string()))?;
+    let submission: Listed = serde_json::from_slice(&bytes)
+        .map_err(|e| error(format!("expected the description of a submission: {e}")))?;
     let contains = |name: &Path| {
         let place = folder.strip_prefix(root).unwrap_or(&folder).join(name);
         let place: Vec<_> = place.iter().map(|part| part.to_string_lossy()).collect();

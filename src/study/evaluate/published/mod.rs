@@ -284,7 +284,10 @@ pub(super) fn check_complete(results: &Results, folder: &StudyFolder) -> Result<
 
 fn read_builds(results: &mut Results, folder: &StudyFolder) -> io::Result<Builds> {
     let bytes = read_bytes(&folder.path().join(BUILDS), MAX_SMALL_FILE_BYTES)?;
-    let builds: Builds = serde_json::from_slice(&bytes)?;
+    let builds: Builds = serde_json::from_slice(&bytes).map_err(|error| {
+        let message = format!("expected the builds of published results: {error}");
+        io::Error::new(io::ErrorKind::InvalidData, message)
+    })?;
     results.versions.clone_from(&builds.versions);
     results.commits.clone_from(&builds.commits);
     results.builds = builds

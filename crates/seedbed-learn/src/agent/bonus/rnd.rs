@@ -12,6 +12,7 @@ use crate::cancellation::cancellation_point;
 use crate::experience::Episode;
 use crate::nn::{Activations, AdamSettings, Initial, Mlp, Tensor, network_tensors};
 use seedbed_env::TaskSpec;
+use seedbed_input::limits::short_list;
 use seedbed_input::numbers::{Count, ranged_count};
 use seedbed_random::{Purpose, Stream, stream};
 
@@ -32,6 +33,7 @@ pub struct Rnd {
     /// Number of transitions per gradient step.
     pub minibatch: Count<100_000>,
     /// Number of units of each hidden layer, the same for both networks.
+    #[serde(deserialize_with = "short_list")]
     pub hidden: Vec<Count<4096>>,
     /// Number of outputs of both networks.
     pub outputs: Count<4096>,

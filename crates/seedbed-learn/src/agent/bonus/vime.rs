@@ -17,6 +17,7 @@ use crate::nn::bayesian::{DiagonalGaussian, Draws, PassBuffers};
 use crate::nn::{BayesianSettings, Tensor, network_tensors};
 use crate::rl::information_gain;
 use seedbed_env::TaskSpec;
+use seedbed_input::limits::short_list;
 use seedbed_input::numbers::{Count, Positive, ranged_count, ranged_number};
 use seedbed_random::{Purpose, Stream, stream};
 
@@ -42,6 +43,7 @@ pub struct Vime {
     /// Number of transitions per gradient step.
     pub minibatch: Count<100_000>,
     /// Number of units of each hidden layer of the model.
+    #[serde(deserialize_with = "short_list")]
     pub hidden: Vec<Count<4096>>,
     /// Further parameters of the model.
     pub network: BayesianSettings,

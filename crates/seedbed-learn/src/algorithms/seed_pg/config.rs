@@ -16,7 +16,7 @@ use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{
     Count, Fraction, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
-use seedbed_input::{Located, ValidationError};
+use seedbed_input::{Located, ValidationError, short_located_list};
 
 /// Seed-PG: policy gradients from shared trajectories, with one fixed seed per agent. Defaults are
 /// those of §5 of the thesis where it states them.
@@ -50,6 +50,7 @@ pub struct SeedPg {
     /// How actions are chosen from the policy's distribution.
     pub actions: Located<ActionSelection>,
     /// Number of units of each hidden layer, the same for both networks.
+    #[serde(deserialize_with = "short_located_list")]
     pub hidden: Located<Vec<Count<4096>>>,
     /// Number of passes over the trajectories of a round.
     pub epochs: Count<10_000>,

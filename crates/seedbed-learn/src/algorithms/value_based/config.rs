@@ -22,7 +22,7 @@ use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{
     Count, Fraction, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
-use seedbed_input::{Located, ValidationError};
+use seedbed_input::{Located, ValidationError, short_located_list};
 
 /// Q-learning from the team's replay buffer (thesis §1.4.1; Mnih et al. 2015).
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
@@ -147,6 +147,7 @@ pub struct Learning {
     /// How observations are scaled for the networks.
     pub observations: ObservationScaling,
     /// Number of units of each hidden layer.
+    #[serde(deserialize_with = "short_located_list")]
     pub hidden: Located<Vec<Count<4096>>>,
     /// Whether the observations are appended to the inputs of the output layer.
     pub skip_connection: bool,
