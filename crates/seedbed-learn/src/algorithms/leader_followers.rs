@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use super::AlgorithmConfig;
 use super::seed_pg::SeedPgAgent;
+use super::seed_pg::common_settings::{configuration, copy_settings, with_common_settings};
 use super::seed_pg::config::{
     AdvantageEstimate, Clipping, Data, Minibatch, PolicyLoss, ReturnNormalisation, SeedPg, Sharing,
     Standardization, TimeLimit, VTrace, ValueTarget,
@@ -34,53 +35,24 @@ use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, Fraction, NonNegative, Positive, ranged_count, ranged_number};
 use seedbed_input::{Located, ValidationError, short_located_list};
 
-/// Leader and followers (SAPG, Singla, Agarwal & Pathak 2024): agent 0, the leader, also learns from
-/// episodes of the followers, which learn from their own only. Each agent has networks of its own; in
-/// SAPG they share one network. Measures of the team are means over the leader and all followers.
-#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LeaderFollowers {
-    /// Weight λ of the followers' steps in the leader's losses.
-    pub follower_weight: NonNegative,
-    /// How many of the followers' episodes of a round the leader learns from.
-    pub sharing: Sharing,
-    /// Weight σ of the policy's entropy (nats) in the loss of the last follower. Agent k of K has the
-    /// weight σ k / (K − 1): 0 for the leader.
-    pub entropy_bonus: NonNegative,
-    /// Clipping range ε of the importance ratio.
-    pub clip: NonNegative,
-    /// Trace parameter λ of advantages (Retrace) and value targets (V-trace).
-    pub lambda: Fraction,
-    /// Discount factor γ.
-    pub discount: Fraction,
-    /// Whether the time limit counts as the end of an episode.
-    pub time_limit: TimeLimit,
-    /// Over which samples advantages are standardized, if at all.
-    pub standardise: Standardization,
-    /// How targets of the value function are normalized.
-    pub returns: ReturnNormalisation,
-    /// How observations are scaled for the networks.
-    pub observations: ObservationScaling,
-    /// How actions are chosen from the policy's distribution.
-    pub actions: Located<ActionSelection>,
-    /// Number of units of each hidden layer, the same for both networks.
-    #[serde(deserialize_with = "short_located_list")]
-    pub hidden: Located<Vec<Count<4096>>>,
-    /// Number of passes over the episodes of a round.
-    pub epochs: Count<10_000>,
-    /// Samples that one gradient step is computed from.
-    pub minibatch: Minibatch,
-    /// Maximal Euclidean norm of each network's gradient; `None`: no maximum.
-    pub gradient_clip: Option<Positive>,
-    /// Initial standard deviation of continuous actions, as a share of half their range.
-    pub initial_deviation: Positive,
-    /// The policy's optimizer.
-    pub policy_optimiser: AdamSettings,
-    /// The value function's optimizer.
-    pub value_optimiser: AdamSettings,
-    /// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
-    pub bonus: Located<Bonus>,
-}
+with_common_settings!(configuration! {
+    /// Leader and followers (SAPG, Singla, Agarwal & Pathak 2024): agent 0, the leader, also learns from
+    /// episodes of the followers, which learn from their own only. Each agent has networks of its own; in
+    /// SAPG they share one network. Measures of the team are means over the leader and all followers.
+    pub struct LeaderFollowers {
+        /// Weight λ of the followers' steps in the leader's losses.
+        pub follower_weight: NonNegative,
+        /// How many of the followers' episodes of a round the leader learns from.
+        pub sharing: Sharing,
+        /// Weight σ of the policy's entropy (nats) in the loss of the last follower. Agent k of K has the
+        /// weight σ k / (K − 1): 0 for the leader.
+        pub entropy_bonus: NonNegative,
+        /// Clipping range ε of the importance ratio.
+        pub clip: NonNegative,
+        /// Trace parameter λ of advantages (Retrace) and value targets (V-trace).
+        pub lambda: Fraction,
+    }
+});
 
 impl Default for LeaderFollowers {
     fn default() -> Self {
@@ -177,7 +149,7 @@ impl LeaderFollowers {
             Data::Own
         };
         let lambda = self.lambda;
-        SeedPg {
+        let mut learner = SeedPg {
             value_data: data,
             policy_data: data,
             sharing: self.sharing,
@@ -193,22 +165,10 @@ impl LeaderFollowers {
             }
             .into(),
             entropy_bonus: entropy_weight(self.entropy_bonus, agent, agents),
-            standardise: self.standardise,
-            returns: self.returns,
-            discount: self.discount,
-            time_limit: self.time_limit,
-            observations: self.observations,
-            actions: self.actions,
-            hidden: self.hidden.clone(),
-            epochs: self.epochs,
-            minibatch: self.minibatch,
-            gradient_clip: self.gradient_clip,
-            initial_deviation: self.initial_deviation,
-            policy_optimiser: self.policy_optimiser,
-            value_optimiser: self.value_optimiser,
-            bonus: self.bonus.clone(),
             ..SeedPg::default()
-        }
+        };
+        with_common_settings!(copy_settings! { self to learner: });
+        learner
     }
 }
 

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::SeedPgAgent;
+use super::common_settings::{configuration, with_common_settings};
 use crate::agent::bonus::Bonus;
 use crate::agent::network::Network;
 use crate::agent::network_info::{NetworkInfo, OutputTerm, ScalingInfo, setting_text};
@@ -18,63 +19,34 @@ use seedbed_input::numbers::{
 };
 use seedbed_input::{Located, ValidationError, short_located_list};
 
-/// Seed-PG: policy gradients from shared trajectories, with one fixed seed per agent. Defaults are
-/// those of §5 of the thesis where it states them.
-#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SeedPg {
-    /// Whose trajectories the value function learns from.
-    pub value_data: Data,
-    /// Whose trajectories the policy learns from.
-    pub policy_data: Data,
-    /// How many of the other agents' trajectories an agent learns from.
-    pub sharing: Sharing,
-    /// Target that the value function is trained towards.
-    pub value_target: Located<ValueTarget>,
-    /// How advantages are estimated.
-    pub advantage: Located<AdvantageEstimate>,
-    /// Over which samples advantages are standardized, if at all.
-    pub standardise: Standardization,
-    /// Loss function of the policy.
-    pub policy_loss: Located<PolicyLoss>,
-    /// Weight of the policy's entropy (nats) in its loss.
-    pub entropy_bonus: NonNegative,
-    /// How targets of the value function are normalized.
-    pub returns: ReturnNormalisation,
-    /// Discount factor γ.
-    pub discount: Fraction,
-    /// Whether the time limit counts as the end of an episode.
-    pub time_limit: TimeLimit,
-    /// How observations are scaled for the networks.
-    pub observations: ObservationScaling,
-    /// How actions are chosen from the policy's distribution.
-    pub actions: Located<ActionSelection>,
-    /// Number of units of each hidden layer, the same for both networks.
-    #[serde(deserialize_with = "short_located_list")]
-    pub hidden: Located<Vec<Count<4096>>>,
-    /// Number of passes over the trajectories of a round.
-    pub epochs: Count<10_000>,
-    /// Samples that one gradient step is computed from.
-    pub minibatch: Minibatch,
-    /// Maximal Euclidean norm of each network's gradient; `None`: no maximum.
-    pub gradient_clip: Option<Positive>,
-    /// How both step sizes change from round to round.
-    pub step_size_schedule: StepSizeSchedule,
-    /// Weight λ of the regularization of both networks towards their initial parameters θ̂ and φ̂.
-    pub regularisation: NonNegative,
-    /// Initial standard deviation of continuous actions, as a share of half their range.
-    pub initial_deviation: Positive,
-    /// Factor on the initial parameters of the policy's output layer.
-    pub policy_scale: NonNegative,
-    /// Factor on the initial parameters of the value function's output layer.
-    pub value_scale: NonNegative,
-    /// The policy's optimizer.
-    pub policy_optimiser: AdamSettings,
-    /// The value function's optimizer.
-    pub value_optimiser: AdamSettings,
-    /// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
-    pub bonus: Located<Bonus>,
-}
+with_common_settings!(configuration! {
+    /// Seed-PG: policy gradients from shared trajectories, with one fixed seed per agent. Defaults are
+    /// those of §5 of the thesis where it states them.
+    pub struct SeedPg {
+        /// Whose trajectories the value function learns from.
+        pub value_data: Data,
+        /// Whose trajectories the policy learns from.
+        pub policy_data: Data,
+        /// How many of the other agents' trajectories an agent learns from.
+        pub sharing: Sharing,
+        /// Target that the value function is trained towards.
+        pub value_target: Located<ValueTarget>,
+        /// How advantages are estimated.
+        pub advantage: Located<AdvantageEstimate>,
+        /// Loss function of the policy.
+        pub policy_loss: Located<PolicyLoss>,
+        /// Weight of the policy's entropy (nats) in its loss.
+        pub entropy_bonus: NonNegative,
+        /// How both step sizes change from round to round.
+        pub step_size_schedule: StepSizeSchedule,
+        /// Weight λ of the regularization of both networks towards their initial parameters θ̂ and φ̂.
+        pub regularisation: NonNegative,
+        /// Factor on the initial parameters of the policy's output layer.
+        pub policy_scale: NonNegative,
+        /// Factor on the initial parameters of the value function's output layer.
+        pub value_scale: NonNegative,
+    }
+});
 
 /// Whose trajectories a network learns from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]

@@ -8,6 +8,7 @@
 //! policy gradient (§1.5), Off-PAC (§3.3.1), and standard PPO. `learning` has the steps of an
 //! update, `estimates` calls the formulas in [`rl`](crate::rl) that the parameters select.
 
+pub(in crate::algorithms) mod common_settings;
 pub mod config;
 mod estimates;
 mod learning;
