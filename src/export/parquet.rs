@@ -57,7 +57,32 @@ impl ParquetTable {
 
 impl TableWriter for ParquetTable {
     fn write(&mut self, batch: Table) -> io::Result<()> {
-        let mut group = self.writer(&batch)?.next_row_group()?;
+        self.write_group(&batch).map_err(into_io)
+    }
+
+    fn finish(mut self: Box<Self>) -> io::Result<()> {
+        self.writer(&Table::default()).map_err(into_io)?;
+        if let State::Open(writer) = self.state {
+            writer.close().map_err(into_io)?;
+        }
+        Ok(())
+    }
+}
+
+/// The error of the file itself, if it is one.
+fn into_io(error: ParquetError) -> io::Error {
+    match error {
+        ParquetError::External(error) => match error.downcast::<io::Error>() {
+            Ok(error) => *error,
+            Err(error) => io::Error::other(error),
+        },
+        error => io::Error::other(error),
+    }
+}
+
+impl ParquetTable {
+    fn write_group(&mut self, batch: &Table) -> Result<(), ParquetError> {
+        let mut group = self.writer(batch)?.next_row_group()?;
         for column in &batch.columns {
             let mut writer = group
                 .next_column()?
@@ -66,14 +91,6 @@ impl TableWriter for ParquetTable {
             writer.close()?;
         }
         group.close()?;
-        Ok(())
-    }
-
-    fn finish(mut self: Box<Self>) -> io::Result<()> {
-        self.writer(&Table::default())?;
-        if let State::Open(writer) = self.state {
-            writer.close()?;
-        }
         Ok(())
     }
 }

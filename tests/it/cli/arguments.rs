@@ -129,3 +129,88 @@ fn values_without_an_equals_sign_are_answered_with_one() {
         assert!(error.starts_with(&expected), "{error}");
     }
 }
+
+/// Sizes that no machine has are refused before anything is allocated.
+#[test]
+fn absurd_sizes_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = folder.path().join("many.ron");
+    let study_text = |repeats: &str| {
+        format!(
+            "Study(title: \"Many\", repeats: {repeats}, cells: [(name: \"a\", scenario: \"cartpole\")])"
+        )
+    };
+    let layers = vec!["1"; 1001].join(",");
+    let layers = format!("algorithm.learning.hidden=[{layers}]");
+    let start = |text: &str| text.chars().take(40).collect::<String>();
+    let count = |path: &str, max: u32, found: &str| {
+        format!("in `{path}`: expected a whole number from 1 to {max}, found {found}")
+    };
+    for (scenario, set, expected) in [
+        (
+            "tabular/parallel_chains",
+            "task.ParallelChains.chains=1000000000",
+            count("task.ParallelChains.chains", 250, "1000000000"),
+        ),
+        (
+            "tabular/parallel_chains",
+            "task.ParallelChains.edges=1e9",
+            count("task.ParallelChains.edges", 1000, "`1e9`"),
+        ),
+        (
+            "cartpole_q",
+            "algorithm.learning.hidden=[1000000000, 1000000000]",
+            count("algorithm.QLearning.learning.hidden[0]", 4096, "1000000000"),
+        ),
+        (
+            "cartpole_q",
+            "algorithm.learning.replay=999999999999",
+            count("algorithm.learning.replay", 100_000_000, "999999999999"),
+        ),
+        (
+            "cartpole",
+            "agents.count=4294967296",
+            count("agents.count", 10_000, "4294967296"),
+        ),
+        (
+            "cartpole_q",
+            &layers,
+            "in `algorithm.learning.hidden`: expected a list of at most 1000 entries, found more"
+                .to_owned(),
+        ),
+    ] {
+        let error = run_refused(&["run", scenario, "--set", set]);
+        let first = error.lines().next().unwrap();
+        assert!(
+            first.starts_with(&format!("error: --set {}", start(set))),
+            "{error}"
+        );
+        assert!(first.ends_with(&expected), "{first}");
+    }
+    for (arguments, expected) in [
+        (
+            ["run", "cartpole", "--threads", "1000000000"],
+            "error: invalid value '1000000000' for '--threads <N>': 1000000000 is not in 1..=1024\n",
+        ),
+        (
+            ["bench", "cartpole", "--jobs", "1000000000"],
+            "error: invalid value '1000000000' for '--jobs <N>': 1000000000 is not in 1..=1024\n",
+        ),
+        (
+            ["plot", "recordings/sample", "--size", "99999999x99999999"],
+            "error: invalid value '99999999x99999999' for '--size <WxH>': expected WIDTHxHEIGHT, e.g. 760x900, each from 100 to 10000\n",
+        ),
+        (
+            ["film", "recordings/sample", "--width", "1000000000"],
+            "error: invalid value '1000000000' for '--width <N>': 1000000000 is not in 300..=4000\n",
+        ),
+    ] {
+        let error = run_refused(&arguments);
+        assert!(error.starts_with(expected), "{error}");
+    }
+    std::fs::write(&study, study_text("99999999999")).unwrap();
+    let error = run_refused(&["study", study.to_str().unwrap(), "--list"]);
+    let place = format!("error: {}:1:31: in `repeats`: ", study.display());
+    let expected = "expected a whole number from 1 to 1000000, found 99999999999\n";
+    assert!(error.starts_with(&format!("{place}{expected}")), "{error}");
+}

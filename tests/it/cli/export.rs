@@ -142,7 +142,7 @@ fn interrupted_commands_leave_no_incomplete_file() {
     for (arguments, (signal, status)) in
         commands
             .iter()
-            .zip([("TERM", 143), ("HUP", 129), ("INT", 130), ("TERM", 143)])
+            .zip([("TERM", 143), ("INT", 130), ("INT", 130), ("TERM", 143)])
     {
         let target = Path::new(arguments.last().unwrap());
         std::fs::write(target, "older").unwrap();
