@@ -3,7 +3,9 @@
 use super::scenario::TabularScenario;
 use super::team::Step;
 use crate::run::facts::EpisodeRow;
-use crate::run::recorder::{BonusRange, Focus, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo};
+use crate::run::recorder::{
+    BonusRange, Focus, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo,
+};
 use crate::scenario::recording::RecordingSettings;
 use crate::scenario::resolve::Resolve;
 use seedbed_env::tabular::Model;

@@ -7,7 +7,9 @@ use std::sync::{Arc, Mutex};
 use seedbed::env::TaskSpec;
 use seedbed::experiment::measure::Measure;
 use seedbed::experiment::run_result::RunResult;
-use seedbed::experiment::{Experiment, RunControl, RunEnding, RunQueue, RunRequest, StopRule, load};
+use seedbed::experiment::{
+    Experiment, RunControl, RunEnding, RunQueue, RunRequest, StopRule, load,
+};
 use seedbed::run::recorder::RecorderFactory;
 use seedbed::run::{Observer, Options, RunError};
 use seedbed::study::design::plan::StudyPlan;

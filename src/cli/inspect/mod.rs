@@ -14,7 +14,10 @@ use super::progress::ReadCounter;
 use super::{CliError, open_run};
 use seedbed::review::recording_stats::RecordingStats;
 use seedbed::review::selection::EpisodeSelection;
-use seedbed::review::{LoadRunError, LoadedRun, final_mean_of_learners, final_return, means_of_learners, returns_of_agents};
+use seedbed::review::{
+    LoadRunError, LoadedRun, final_mean_of_learners, final_return, means_of_learners,
+    returns_of_agents,
+};
 use seedbed::run::facts::{EpisodeRow, RoundRow};
 use seedbed::run::measures::visitation::{Visitation, visiting_agents};
 use seedbed_env::Status;

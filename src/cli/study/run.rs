@@ -4,7 +4,10 @@ use std::time::Instant;
 
 use super::arguments::RunArgs;
 use super::plans::check_same_study;
-use crate::cli::execution::{describe_run, execute_runs, interruption_error, jobs, keeps_result, lock_folder, print_failures, print_finished, warn_of_damaged_files};
+use crate::cli::execution::{
+    describe_run, execute_runs, interruption_error, jobs, keeps_result, lock_folder,
+    print_failures, print_finished, warn_of_damaged_files,
+};
 use crate::cli::{CliError, memory, pluralize, report};
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::execute::shard::Shard;

@@ -18,7 +18,10 @@ use super::annotations::{Label, format_number, show_labels_only};
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
 use super::samples::VisitationStyle;
-use crate::record::visitation::{AXIS_HEIGHT, AgentVisits, Axes, BonusMap, CELLS_PER_SIDE, MIN_BRIGHTNESS, Pairs, brightness_of_pixels, line_count, most_different, share_difference};
+use crate::record::visitation::{
+    AXIS_HEIGHT, AgentVisits, Axes, BonusMap, CELLS_PER_SIDE, MIN_BRIGHTNESS, Pairs,
+    brightness_of_pixels, line_count, most_different, share_difference,
+};
 use crate::scenario::recording::Difference;
 use seedbed_figure::color::dark::{diverging_color, sequential_color};
 
