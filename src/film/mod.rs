@@ -11,9 +11,10 @@ use crate::plotting;
 use crate::record::visitation::Unplaced;
 use crate::record::{ReadError, RecordedScene, RecordedStates};
 use crate::review::selection::{EpisodeSelection, SelectedState, SelectedStates, StateSelection};
-use crate::review::{LoadRunError, LoadedRun, team_returns};
+use crate::review::{LoadRunError, LoadedRun};
 use crate::run::Plan;
 use crate::run::facts::EpisodeRow;
+use crate::run::facts::returns::team_returns;
 use seedbed_env::{Physics, Scene, TaskDescription};
 use seedbed_figure::color::{TEAM_COLOR, agent_color};
 use seedbed_figure::{

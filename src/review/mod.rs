@@ -18,8 +18,8 @@ use serde::de::DeserializeOwned;
 use crate::record::state_files::{Learners, StateFiles};
 use crate::record::table::{self, TableError};
 use crate::record::{ReadError, RecordedStates};
-use crate::run::facts::{EpisodeRow, RoundRow};
-use crate::run::facts::{FINAL_WINDOW, Summary};
+use crate::run::facts::returns::{means_of_learners, team_returns};
+use crate::run::facts::{EpisodeRow, RoundRow, Summary};
 use crate::run::folder::checksums::{Checksums, DamagedFile};
 use crate::run::folder::{RunFolder, run_folder, run_folders};
 
@@ -252,51 +252,6 @@ impl LoadedRun {
     }
 }
 
-/// Mean over learners of the return of their n-th episode, for each n that all have finished.
-#[must_use]
-pub fn means_of_learners(returns: &[Vec<f64>]) -> Vec<f64> {
-    let episodes = returns.iter().map(Vec::len).min().unwrap_or(0);
-    let mean_of = |episode: usize| {
-        let sum: f64 = returns.iter().map(|learner| learner[episode]).sum();
-        sum / returns.len() as f64
-    };
-    (0..episodes).map(mean_of).collect()
-}
-
-/// Mean over learners of the mean of their own last [`FINAL_WINDOW`] episodes, of which they may have
-/// finished different numbers; `None` if one has none.
-#[must_use]
-pub fn final_mean_of_learners(returns: &[Vec<f64>]) -> Option<f64> {
-    let means = returns.iter().map(|learner| final_mean(learner));
-    let means: Option<Vec<f64>> = means.collect();
-    let means = means.filter(|means| !means.is_empty())?;
-    Some(means.iter().sum::<f64>() / means.len() as f64)
-}
-
-/// Returns of each agent, in the order of its episodes: `[K][episodes]`.
-#[must_use]
-pub fn returns_of_agents(episodes: &[EpisodeRow], agent_count: usize) -> Vec<Vec<f64>> {
-    let mut returns = vec![Vec::new(); agent_count];
-    for row in episodes {
-        if let Some(returns) = returns.get_mut(row.agent as usize) {
-            returns.push(row.r#return);
-        }
-    }
-    returns
-}
-
-/// Mean return over agents and over the last [`FINAL_WINDOW`] episodes of each agent of a run of
-/// seedbed. `None` before every agent has finished an episode.
-#[must_use]
-pub fn final_return(returns: &[Vec<f64>], team_returns: &[f64]) -> Option<f64> {
-    let mut counts = returns.iter().map(Vec::len);
-    if counts.all(|count| count == team_returns.len()) {
-        // The same mean, summed as in the summary.
-        return final_mean(team_returns);
-    }
-    final_mean_of_learners(returns)
-}
-
 /// The rows of a table; none if the run has no tables.
 fn read_table<R: DeserializeOwned>(
     checksums: &Checksums,
@@ -314,30 +269,6 @@ fn warnings(recording: Option<&RecordedStates>, checksums: &Checksums) -> Vec<St
     let incomplete = recording.map_or(&[][..], RecordedStates::warnings);
     let unverified = checksums.warning().map(str::to_owned);
     incomplete.iter().cloned().chain(unverified).collect()
-}
-
-/// Mean over agents of the return of their n-th episode, for each n that all agents have finished.
-#[must_use]
-pub fn team_returns(episodes: &[EpisodeRow], agent_count: usize) -> Vec<f64> {
-    let mut sums: Vec<(f64, usize)> = Vec::new();
-    for row in episodes {
-        let index = row.episode as usize;
-        if sums.len() <= index {
-            sums.resize(index + 1, (0.0, 0));
-        }
-        sums[index] = (sums[index].0 + row.r#return, sums[index].1 + 1);
-    }
-    sums.into_iter()
-        .take_while(|(_, count)| *count == agent_count)
-        .map(|(sum, count)| sum / count as f64)
-        .collect()
-}
-
-/// Mean of the last [`FINAL_WINDOW`] values, or of all values if there are fewer.
-#[must_use]
-pub fn final_mean(values: &[f64]) -> Option<f64> {
-    let last = &values[values.len().saturating_sub(FINAL_WINDOW)..];
-    (!last.is_empty()).then(|| last.iter().sum::<f64>() / last.len() as f64)
 }
 
 /// The error that a directory contains no run, or several in its subdirectories.

@@ -6,12 +6,13 @@ use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::{final_mean_of_learners, final_return, returns_of_agents, team_returns};
 use crate::input_files;
 use crate::record::state_files::StateFiles;
 use crate::record::table;
-use crate::run::facts::EpisodeRow;
-use crate::run::facts::SolvedAt;
+use crate::run::facts::returns::{
+    final_mean_of_learners, final_return, returns_of_agents, team_returns,
+};
+use crate::run::facts::{EpisodeRow, SolvedAt};
 use crate::run::folder::checksums::Checksums;
 use crate::run::folder::{RunFolder, read_verified_summary, run_folders};
 use crate::scenario::{Scenario, task_name};
@@ -234,7 +235,9 @@ fn add_episodes(results: &mut Results, rows: &[EpisodeRow]) {
     let returns = team_returns(rows, agents);
     results.episodes_per_agent = Some(returns.len() as u64);
     results.env_steps = Some(rows.last().map_or(0, |row| row.env_steps));
-    results.final_return = final_return(&returns_of_agents(rows, agents), &returns);
+    let of_agents = returns_of_agents(rows, agents);
+    let counts = of_agents.iter().map(Vec::len);
+    results.final_return = final_return(counts, &returns, &of_agents);
     results.effective_agents = rows.last().map(|row| row.effective_agents);
 }
 

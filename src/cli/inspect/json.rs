@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use super::Inspected;
 use seedbed::review::distribution::ValueDistribution;
-use seedbed::review::final_mean;
 use seedbed::run::facts::EpisodeRow;
 use seedbed::run::facts::Summary;
+use seedbed::run::facts::returns::final_mean;
 use seedbed_env::Status;
 
 #[derive(Serialize)]

@@ -14,9 +14,9 @@ use super::progress::ReadCounter;
 use super::{CliError, open_run};
 use seedbed::review::recording_stats::RecordingStats;
 use seedbed::review::selection::EpisodeSelection;
-use seedbed::review::{
-    LoadRunError, LoadedRun, final_mean_of_learners, final_return, means_of_learners,
-    returns_of_agents,
+use seedbed::review::{LoadRunError, LoadedRun};
+use seedbed::run::facts::returns::{
+    final_mean_of_learners, final_return, means_of_learners, returns_of_agents,
 };
 use seedbed::run::facts::{EpisodeRow, RoundRow};
 use seedbed::run::measures::visitation::{Visitation, visiting_agents};
@@ -184,10 +184,12 @@ impl Inspected {
     /// Mean over the selected agents, or learners, of the returns of their last episodes; `None` if one
     /// has none.
     fn final_return(&self) -> Option<f64> {
-        match self.returns_of_learners() {
-            Some(returns) => final_mean_of_learners(&returns),
-            None => final_return(&self.returns(), &self.team_returns()),
+        if let Some(returns) = self.returns_of_learners() {
+            return final_mean_of_learners(&returns);
         }
+        let returns = self.returns();
+        let counts = returns.iter().map(Vec::len);
+        final_return(counts, &self.team_returns(), &returns)
     }
 
     /// Number of steps of the selected episodes.

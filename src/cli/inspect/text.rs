@@ -11,8 +11,8 @@ use super::super::{bold, green, pluralize};
 use super::Inspected;
 use seedbed::experiment::NO_THRESHOLD;
 use seedbed::review::distribution::ValueDistribution;
-use seedbed::review::final_mean;
 use seedbed::run::facts::FINAL_WINDOW;
+use seedbed::run::facts::returns::final_mean;
 use seedbed::run::measures::recent::RECENT_ROUNDS;
 use seedbed::text::{terminal_line, without_trailing_zeros};
 

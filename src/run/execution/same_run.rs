@@ -16,39 +16,51 @@ pub(super) fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunEr
     let task = scenario::task_name(&stored.value.environment);
     let task_text = seedbed_input::read_text(&folder.task_file(task))?;
     let stored_text = stored.value.beside_its_task(&plan.name, task).resolved();
-    if let Some(difference) = first_difference(
+    let run = folder.path().display();
+    check_equal(
         &scenario_settings(&stored_text),
         &scenario_settings(&plan.stored_scenario()),
-    ) {
-        return Err(RunError::CannotResume(format!(
-            "the run in {} cannot be resumed with this scenario: the run has {}, the scenario has {}",
-            folder.path().display(),
-            shown(&difference.path, difference.first),
-            shown(&difference.path, difference.second)
-        )));
-    }
+        |stored, planned| {
+            format!(
+                "the run in {run} cannot be resumed with this scenario: the run has {stored}, the scenario has {planned}"
+            )
+        },
+    )?;
     let settings = seedbed_env::task_settings;
-    if let Some(difference) =
-        first_difference(&settings(&task_text), &settings(&plan.environment_text))
-    {
-        return Err(RunError::CannotResume(format!(
-            "the task `{}` has changed since the run in {} began: it had {}, it has {}",
-            plan.description.spec().name,
-            folder.path().display(),
-            shown(&difference.path, difference.first),
-            shown(&difference.path, difference.second)
-        )));
-    }
-    Ok(())
+    let task = &plan.description.spec().name;
+    check_equal(
+        &settings(&task_text),
+        &settings(&plan.environment_text),
+        |stored, planned| {
+            format!(
+                "the task `{task}` has changed since the run in {run} began: it had {stored}, it has {planned}"
+            )
+        },
+    )
+}
+
+/// Checks that two trees of settings have the same values. `reason` gets the first value that differs as it
+/// was and as it is.
+fn check_equal(
+    stored: &Settings,
+    planned: &Settings,
+    reason: impl FnOnce(&str, &str) -> String,
+) -> Result<(), RunError> {
+    let Some(Difference {
+        path,
+        first,
+        second,
+    }) = stored.differences(planned).into_iter().next()
+    else {
+        return Ok(());
+    };
+    let reason = reason(&shown(&path, first), &shown(&path, second));
+    Err(RunError::CannotResume(reason))
 }
 
 /// All values of the text of a scenario with all defaults.
 fn scenario_settings(text: &str) -> Settings {
     Settings::of(text).expect("a resolved scenario is RON")
-}
-
-fn first_difference(stored: &Settings, planned: &Settings) -> Option<Difference> {
-    stored.differences(planned).into_iter().next()
 }
 
 /// A setting as it is written in files.

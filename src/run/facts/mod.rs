@@ -2,7 +2,7 @@
 //! Training makes them, recorders and readers of finished runs read them.
 
 pub mod metrics;
-mod returns;
+pub mod returns;
 mod rows;
 mod state_quantity;
 mod summary;

@@ -14,6 +14,7 @@ use self::first_visits::FirstVisits;
 use self::recent::RecentVisits;
 use self::visitation::{StateBins, Visitation, without_rounding_error};
 use super::facts::FINAL_WINDOW;
+use crate::run::facts::returns::final_return;
 use crate::run::facts::{EpisodeRow, RoundRow};
 use crate::scenario::{Rounding, Threshold};
 use seedbed_env::TaskSpec;
@@ -158,16 +159,12 @@ impl Measures {
     /// its episodes if there are fewer. `None` before every agent has finished an episode.
     #[must_use]
     pub fn final_return(&self) -> Option<f64> {
-        if self.unmatched_returns.iter().all(VecDeque::is_empty) {
-            let start = self.team_returns.len().saturating_sub(FINAL_WINDOW);
-            let last = &self.team_returns[start..];
-            return (!last.is_empty()).then(|| mean(last));
-        }
-        let last = self.last_returns.iter().map(|returns| {
-            let returns: Vec<f64> = returns.iter().copied().collect();
-            (!returns.is_empty()).then(|| mean(&returns))
-        });
-        last.collect::<Option<Vec<f64>>>().map(|means| mean(&means))
+        let matched = self.team_returns.len();
+        let counts = self.unmatched_returns.iter();
+        let counts = counts.map(|unmatched| matched + unmatched.len());
+        let last = self.last_returns.iter();
+        let last = last.map(|returns| returns.iter().copied().collect::<Vec<f64>>());
+        final_return(counts, &self.team_returns, last)
     }
 
     /// Whether the mean return over the latest full window reaches the threshold.
