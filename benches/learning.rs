@@ -102,9 +102,9 @@ fn network(criterion: &mut Criterion) {
         initial_parameters(&network),
         random_numbers(network.parameter_count()),
     );
-    let mut optimiser = Adam::new(AdamSettings::default(), parameters.len());
+    let mut optimizer = Adam::new(AdamSettings::default(), parameters.len());
     criterion.bench_function("network 4-32-32-2/adam", |bencher| {
-        bencher.iter(|| optimiser.descend(&mut parameters, black_box(&gradient), 1.0));
+        bencher.iter(|| optimizer.descend(&mut parameters, black_box(&gradient), 1.0));
     });
 }
 

@@ -8,7 +8,7 @@
 
 Each peer runs in a virtual environment of its own, which is made at the first use in --environments. For each line the
 workbench and the peer run in turn, each on one thread. The table shows the median of the speeds, and the median, minimum and maximum of
-the ratios of neighbouring runs: larger than 1 is in favor of the workbench. Leave the machine alone meanwhile. A line that
+the ratios of neighboring runs: larger than 1 is in favor of the workbench. Leave the machine alone meanwhile. A line that
 cannot be measured says `failed`, with the reason on standard error; the others are measured, and the exit status is 1.
 """
 

@@ -25,14 +25,14 @@ STAGES = ((None, 6), (120, 18), (40, 60), (12, 200), (4, 1000))
 STEP_SIZES = ("0.001", "0.0015", "0.002", "0.003", "0.004", "0.006", "0.008")
 SPACE = {
     "algorithm.epochs": ("2", "4", "6", "8", "12", "16"),
-    "algorithm.policy_optimiser.step_size": STEP_SIZES,
-    "algorithm.value_optimiser.step_size": STEP_SIZES,
-    "algorithm.policy_optimiser.beta2": ("0.99", "0.999"),
+    "algorithm.policy_optimizer.step_size": STEP_SIZES,
+    "algorithm.value_optimizer.step_size": STEP_SIZES,
+    "algorithm.policy_optimizer.beta2": ("0.99", "0.999"),
     "algorithm.advantage": tuple(f"Gae(lambda: {x})" for x in (0.8, 0.9, 0.95, 0.98, 1)),
     "algorithm.value_target": tuple(f"Gae(lambda: {x})" for x in (0.8, 0.9, 0.95, 0.98, 1)),
     "algorithm.discount": ("0.97", "0.98", "0.99", "0.995"),
     "algorithm.time_limit": ("Ends", "Bootstraps"),
-    "algorithm.standardise": ("Off", "PerTrajectory", "PerMinibatch"),
+    "algorithm.standardize": ("Off", "PerTrajectory", "PerMinibatch"),
     "algorithm.minibatch": ("Trajectory", "Trajectory", "Steps(16)", "Steps(32)", "Steps(64)"),
     "algorithm.policy_loss": tuple(f"Ppo(clip: {x})" for x in (0.1, 0.2, 0.3, 0.4)),
     "algorithm.observations": ("Range", "Range", "Running"),

@@ -107,7 +107,7 @@ class Settings:
         return Settings(
             steps=int(steps),
             rollout=8 * round(update / COPIES / 8),  # whole minibatches of 64 steps
-            step_size=number("policy_optimiser: (step_size:"),
+            step_size=number("policy_optimizer: (step_size:"),
             discount=number("discount:", 0.99),
             gae_lambda=number("advantage: Gae(lambda:"),
             initial_deviation=number("initial_deviation:", 0.5),

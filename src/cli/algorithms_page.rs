@@ -3,7 +3,7 @@
 use seedbed::scenario::Scenario;
 use seedbed::tabular::Algorithm as TabularAlgorithm;
 use seedbed_learn::algorithms::Algorithm;
-use seedbed_learn::algorithms::catalogue::{Choice, Parameter};
+use seedbed_learn::algorithms::catalog::{Choice, Parameter};
 
 const INTRODUCTION: &str = "# Algorithms
 
@@ -14,17 +14,17 @@ prints this page. [Writing scenarios](scenarios.md) says how known algorithms ar
 /// The page.
 pub(super) fn page() -> String {
     let mut page = INTRODUCTION.to_owned();
-    for info in Algorithm::catalogue() {
+    for info in Algorithm::catalog() {
         page += &format!("\n## {}\n\n{}\n", info.name, info.purpose);
         page += &table(&info.parameters);
     }
     page += "\n## Tabular algorithms\n\n`algorithm:` in a tabular scenario.\n";
     page += "\n| Form | Meaning |\n|---|---|\n";
-    for choice in TabularAlgorithm::catalogue() {
+    for choice in TabularAlgorithm::catalog() {
         page += &format!("| {} | {} |\n", code(&choice.form), cell(&choice.meaning));
     }
     page += "\n## Other fields of a scenario\n";
-    page += &table(&Scenario::catalogue());
+    page += &table(&Scenario::catalog());
     page
 }
 

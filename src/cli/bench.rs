@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::memory;
-use super::{BenchArgs, CliError, pluralize};
+use super::{BenchArgs, CliError, former_names, pluralize};
 use seedbed::experiment::{self, Experiment};
 use seedbed::input_files::{self, Directory};
 use seedbed::run::thread_count;
@@ -42,6 +42,7 @@ fn load_scenarios(args: &BenchArgs) -> Result<Vec<Arc<dyn Experiment>>, CliError
     for argument in &args.scenarios {
         let path = input_files::find_argument(argument, &[Directory::Scenarios])?;
         experiments.push(experiment::load(&path, &args.overrides)?);
+        former_names::warn(&path, &args.overrides);
     }
     let measures: Vec<&str> = experiments
         .iter()

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{CliError, pluralize};
+use super::{CliError, former_names, pluralize};
 use seedbed::experiment::Experiment;
 use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
@@ -57,7 +57,7 @@ fn find_and_check(path: &Path) -> Result<Checked, InputError> {
 
 fn check_file(path: &Path) -> Result<Checked, InputError> {
     let text = input_files::read_text(path)?;
-    let mut warnings = Vec::new();
+    let mut warnings: Vec<String> = former_names::sentences(&text);
     let description = match seedbed_input::file_kind(&path.display().to_string(), &text)? {
         FileKind::Environment | FileKind::TabularEnvironment => {
             let (task, _) = input_files::read_task(path)?;

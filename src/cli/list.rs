@@ -14,7 +14,7 @@ use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular::Algorithm as TabularAlgorithm;
 use seedbed_input::{FileKind, InputError};
 use seedbed_learn::algorithms::Algorithm;
-use seedbed_learn::algorithms::catalogue::Parameter;
+use seedbed_learn::algorithms::catalog::Parameter;
 
 /// Prints the text of the environment or scenario with this name.
 pub(super) fn show(name: &Path, only_kind: Option<ListKind>) -> Result<(), CliError> {
@@ -70,8 +70,8 @@ fn print_overview() {
         },
     );
     print_scenarios();
-    let algorithms = Algorithm::catalogue();
-    let tabular = TabularAlgorithm::catalogue();
+    let algorithms = Algorithm::catalog();
+    let tabular = TabularAlgorithm::catalog();
     say!("Algorithms (`algorithm:` in a scenario)");
     for info in &algorithms {
         print_line(info.name, NAME_WIDTH, first_sentence(&info.purpose));
@@ -275,19 +275,19 @@ fn name_in(folder: &Path, path: &Path) -> Option<String> {
 
 fn print_algorithms() {
     say!("Algorithms (`algorithm:` in a scenario)");
-    for info in Algorithm::catalogue() {
+    for info in Algorithm::catalog() {
         say!("  {}\n      {}", info.name, info.purpose);
         for parameter in &info.parameters {
             print_parameter(parameter);
         }
     }
     say!("\nTabular algorithms (`algorithm:` in a tabular scenario)");
-    for choice in TabularAlgorithm::catalogue() {
+    for choice in TabularAlgorithm::catalog() {
         say!("  {}", choice.form);
         print_wrapped(&choice.meaning, "      ");
     }
     say!("\nOther fields of a scenario");
-    for parameter in &Scenario::catalogue() {
+    for parameter in &Scenario::catalog() {
         print_parameter(parameter);
     }
 }

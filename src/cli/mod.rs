@@ -26,6 +26,7 @@ mod execution;
 mod explore;
 mod export;
 mod film;
+mod former_names;
 mod inspect;
 mod interruption;
 mod list;

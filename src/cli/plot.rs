@@ -19,7 +19,7 @@ use seedbed_figure::{Figure, Panel};
   seedbed plot recordings/cartpole/seed-0           one page: visited states, density, returns
   seedbed plot recordings/cartpole/seed-0 --what visitation --agents 3 --episodes 0..50 --out agent3.png
                                                     states agent 3 visited in its first 50 episodes
-  seedbed plot recordings/cartpole/seed-0 --what visitation --agents 3 --colour episode --axes x,theta
+  seedbed plot recordings/cartpole/seed-0 --what visitation --agents 3 --color episode --axes x,theta
   seedbed plot recordings/cartpole/seed-0 --what visitation --where theta=0.1.. --where return=..100
   seedbed plot results/sigma-0 results/sigma-0.1 results/sigma-1 --what visitation --out sigma.svg
                                                     several runs side by side
@@ -29,7 +29,7 @@ use seedbed_figure::{Figure, Panel};
 
 If every panel has at most --lines states, each state is drawn as a line. Otherwise all panels show densities \
 on a common scale: the number of states per pixel or, with several panels, the share of the states of the \
-panel. Use --colour to always draw single states, and --lines 0 to always draw densities.")]
+panel. Use --color to always draw single states, and --lines 0 to always draw densities.")]
 pub(super) struct PlotArgs {
     /// Run directories or recordings; several are drawn side by side
     #[arg(required_unless_present = "distributions", value_name = "RUN")]
@@ -59,7 +59,7 @@ pub(super) struct PlotArgs {
     #[arg(long, value_delimiter = ',', value_name = "NAME,NAME…")]
     axes: Vec<String>,
     /// Color states by this quantity; states are then drawn one by one
-    #[arg(long = "colour", alias = "color", value_enum, value_name = "QUANTITY")]
+    #[arg(long = "color", alias = "colour", value_enum, value_name = "QUANTITY")]
     color_by: Option<ColorBy>,
     /// Maximum number of states that a panel draws one by one
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(0..=100_000))]
@@ -228,7 +228,7 @@ fn usage_error(error: FigureError) -> CliError {
         }
         FigureError::NoRounds(_) => format!("{reason}, which --what curves needs"),
         FigureError::NoTeam(_) => format!("--what difference: {reason}"),
-        FigureError::NoBonus(_) => format!("--colour intrinsic-reward: {reason}"),
+        FigureError::NoBonus(_) => format!("--color intrinsic-reward: {reason}"),
         FigureError::Run(_) => reason,
     })
 }

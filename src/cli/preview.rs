@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::run::recorder_factory_at;
-use super::{CliError, PreviewArgs, film, pluralize};
+use super::{CliError, PreviewArgs, film, former_names, pluralize};
 use seedbed::film::{Film, FilmSettings, Filmed};
 use seedbed::input_files::{self, Directory};
 use seedbed::record::RecordedStates;
@@ -17,6 +17,7 @@ use seedbed_input::numbers::Count;
 pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
     let path = input_files::find_argument(&args.environment, &[Directory::Environments])?;
     let description = input_files::read_task(&path)?.0;
+    former_names::warn(&path, &[]);
     let episodes = Count::try_from(args.episodes)
         .map_err(|message| CliError::Usage(format!("--episodes: {message}")))?;
     let physics = if args.analytic {

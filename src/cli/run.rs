@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::interruption::StopRequests;
 use super::memory;
 use super::progress::{AbortAfter, NoProgress, RunProgress};
-use super::{CliError, RunArgs, pluralize, ranks, warning_without_locks};
+use super::{CliError, RunArgs, former_names, pluralize, ranks, warning_without_locks};
 use seedbed::experiment::{self, Experiment, RunEnding, RunReport};
 use seedbed::input_files::{self, Directory};
 use seedbed::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
@@ -50,6 +50,7 @@ fn load(args: &RunArgs, ranks: Ranks) -> Result<(Arc<dyn Experiment>, RunFolder)
     let path = input_files::find_argument(&args.scenario, &[Directory::Scenarios])?;
     check_can_be_divided(args, None, ranks)?;
     let experiment = experiment::load(&path, &overrides)?;
+    former_names::warn(&path, &args.overrides);
     check_can_be_divided(args, Some(&*experiment), ranks)?;
     let folder = args.out.clone();
     let folder = RunFolder::new(folder.unwrap_or_else(|| experiment.default_folder()));

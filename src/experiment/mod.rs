@@ -21,6 +21,7 @@ use crate::run::ranks::Ranks;
 use crate::run::recorder::RecorderFactory;
 use crate::run::{Observer, Options, RunError};
 use seedbed_env::TaskSpec;
+use seedbed_input::FORMER_NAMES;
 use seedbed_settings::Settings;
 
 /// Cost of runs that take about a minute on one core, in environment steps of a random agent. The
@@ -64,7 +65,7 @@ pub trait Experiment: Debug + Send + Sync {
 
     /// SHA-256 (64 hexadecimal digits) of the [`settings`](Self::settings).
     fn digest(&self) -> String {
-        self.settings().digest(&[])
+        self.settings().digest(&FORMER_NAMES)
     }
 
     /// Rough estimate of the work of learning per environment step, as a multiple of the work of

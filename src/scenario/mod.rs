@@ -3,7 +3,7 @@
 //! [`overrides::parse`] reads a file, and `overrides::apply` replaces values; [`Scenario::resolved`] prints a scenario with all
 //! defaults. Must not depend on how scenarios are run.
 
-mod catalogue;
+mod catalog;
 pub mod overrides;
 pub mod recording;
 pub mod resolve;
@@ -23,7 +23,7 @@ use seedbed_input::edit::to_ron_string;
 use seedbed_input::numbers::{Count, FiniteNumber, PositiveFraction, ranged_count, ranged_number};
 use seedbed_input::{Document, InputError, Located, ValidationError};
 use seedbed_learn::agent::TeamConfig;
-use seedbed_learn::algorithms::catalogue::Parameter;
+use seedbed_learn::algorithms::catalog::Parameter;
 use seedbed_learn::algorithms::{Algorithm, ScheduleError, ScheduleKind};
 
 /// A scenario file: `Scenario(…)` in `scenarios/`.
@@ -388,7 +388,7 @@ impl resolve::Resolve for Scenario {
     }
 
     fn parameters() -> Vec<Parameter> {
-        Self::catalogue()
+        Self::catalog()
     }
 
     fn check(&self) -> Result<(), ValidationError> {

@@ -17,9 +17,7 @@ pub struct RecordingSettings {
     /// Number of latest rounds in one density image, and number of latest episodes whose lines and
     /// points are visible at once.
     pub window: Count<1000>,
-    /// What the color of a line or point shows. Scenarios call it `colour`, which stored digests of
-    /// runs depend on; `color` is accepted as well.
-    #[serde(rename = "colour", alias = "color")]
+    /// What the color of a line or point shows.
     pub color: Located<ColorBy>,
     /// The vertical axes of parallel coordinates, from left to right.
     pub axes: Located<Vec<AxisChoice>>,
@@ -300,15 +298,19 @@ fn check_agent(agent: &Located<u32>, team_size: u32) -> Result<(), ValidationErr
 mod tests {
     use super::*;
 
-    /// Stored scenarios have `colour`, and digests of stored runs depend on that spelling.
+    /// Stored scenarios have `colour`.
     #[test]
-    fn both_spellings_of_color_are_read_and_colour_is_written() {
-        let read = |text| ron::from_str::<RecordingSettings>(text).unwrap();
+    fn both_spellings_of_color_are_read_and_color_is_written() {
+        let read = |text: &str| {
+            seedbed_input::parse::<RecordingSettings>("", text.to_owned())
+                .unwrap()
+                .value
+        };
         let settings = read("(color: Episode)");
         assert_eq!(settings, read("(colour: Episode)"));
         assert_eq!(*settings.color, ColorBy::Episode);
         let written = ron::to_string(&settings).unwrap();
-        assert!(written.contains("colour:Episode"), "{written}");
+        assert!(written.contains("color:Episode"), "{written}");
     }
 
     /// The axis of advantages is removed, and the other axes keep their order. If it is the only

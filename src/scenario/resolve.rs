@@ -3,8 +3,10 @@
 use serde::de::DeserializeOwned;
 
 use seedbed_input::limits::MAX_OVERRIDE_BYTES;
-use seedbed_input::{Document, InputError, ValidationError, nearest_name, quoted_list};
-use seedbed_learn::algorithms::catalogue::Parameter;
+use seedbed_input::{
+    Document, InputError, ValidationError, nearest_name, path_with_new_names, quoted_list,
+};
+use seedbed_learn::algorithms::catalog::Parameter;
 use seedbed_settings::{UnknownField, opening, replace};
 
 /// Number of characters of an override that is too long which its error shows.
@@ -76,7 +78,7 @@ pub(super) fn apply_value<T: Resolve>(
         let message = "expected PATH=VALUE, such as agents.count=16";
         return Err(invalid("", message.to_owned(), None));
     };
-    let (path, value) = (path.trim(), value.trim());
+    let (path, value) = (&*path_with_new_names(path.trim()), value.trim());
     let parse = |value: &str| -> Result<T, InputError> {
         seedbed_input::check_ron_value(value).map_err(|reason| {
             let expected = "expected one value, such as 16 or Normal(sigma: 0.1)";

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::seed::RewardSeeds;
 use seedbed_input::numbers::{Fraction, NonNegative, ranged_number};
-use seedbed_learn::algorithms::catalogue::{Choice, choices};
+use seedbed_learn::algorithms::catalog::{Choice, choices};
 
 /// How the agents of a tabular scenario explore.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
@@ -70,7 +70,7 @@ impl Default for Algorithm {
 impl Algorithm {
     /// Every algorithm as it is written in scenarios, with its description.
     #[must_use]
-    pub fn catalogue() -> Vec<Choice> {
+    pub fn catalog() -> Vec<Choice> {
         choices::<Self>()
     }
 

@@ -326,7 +326,7 @@ fn nan_returns_are_visible() {
         &run,
         "--what",
         "visitation",
-        "--colour",
+        "--color",
         "return",
         "--out",
         out,

@@ -55,7 +55,7 @@ fn results_do_not_depend_on_recording_advantages() {
             &SHORT_RUN[..],
             &[
                 "--set",
-                "algorithm.standardise=PerTrajectory",
+                "algorithm.standardize=PerTrajectory",
                 "--set",
                 schedule,
             ],

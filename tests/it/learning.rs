@@ -285,8 +285,8 @@ fn asynchronous_agents_solve_the_cartpole() {
 #[test]
 fn teams_with_zero_step_sizes_solve_nothing() {
     let zero_step_sizes = [
-        "algorithm.policy_optimiser.step_size=0",
-        "algorithm.value_optimiser.step_size=0",
+        "algorithm.policy_optimizer.step_size=0",
+        "algorithm.value_optimizer.step_size=0",
     ];
     assert_eq!(
         episodes_until_solved("cartpole.ron", &zero_step_sizes, 200),

@@ -302,9 +302,9 @@ fn plot_explains_invalid_options() {
         format!("error: {SAMPLE} has no episodes that match --agents and --episodes\n")
     );
     assert_eq!(
-        plot(&["--colour", "intrinsic-reward", "--out", "a.svg"]),
+        plot(&["--color", "intrinsic-reward", "--out", "a.svg"]),
         format!(
-            "error: --colour intrinsic-reward: {SAMPLE} has no intrinsic rewards (its scenario has no `bonus`)\n"
+            "error: --color intrinsic-reward: {SAMPLE} has no intrinsic rewards (its scenario has no `bonus`)\n"
         )
     );
     assert!(plot(&["--episodes", "5..5"]).contains("the range is empty"));
@@ -369,7 +369,7 @@ fn plot_draws_the_states_that_meet_conditions() {
 
 #[test]
 fn plot_draws_at_most_the_chosen_number_of_lines() {
-    let svg = plot_visitation_of_agent_3(&["--colour", "episode", "--lines", "50"]);
+    let svg = plot_visitation_of_agent_3(&["--color", "episode", "--lines", "50"]);
     assert_eq!(svg.matches("stroke-width=\"0.7\"").count(), 50);
     assert!(svg.contains(">agent 3: 50 of "));
 }
@@ -379,14 +379,14 @@ fn plot_supports_every_color_option() {
     let folder = tempfile::tempdir().unwrap();
     let png = folder.path().join("figure.png");
     let out = png.to_str().unwrap();
-    for colour in ["agent", "episode", "return", "outcome"] {
+    for color in ["agent", "episode", "return", "outcome"] {
         run_successful(&[
             "plot",
             SAMPLE,
             "--what",
             "visitation,scatter",
-            "--colour",
-            colour,
+            "--color",
+            color,
             "--lines",
             "20",
             "--size",

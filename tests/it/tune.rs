@@ -21,7 +21,7 @@ fn tuning_text(fields: &str) -> String {
         r#"Tuning(
             title: "Step sizes",
             scenario: "{}",
-            set: [{SET}, "algorithm.learning.optimiser.step_size={}"],
+            set: [{SET}, "algorithm.learning.optimizer.step_size={}"],
             {fields}
         )"#,
         scenario.display(),
@@ -34,7 +34,7 @@ fn toy_text(goal: &str) -> String {
     let [idle, working] = STEP_SIZES;
     tuning_text(&format!(
         r#"methods: [(name: "q")],
-        space: [(name: "step size", set: ["algorithm.learning.optimiser.step_size={{}}"], draw: Choice(["{idle}", "{working}"]))],
+        space: [(name: "step size", set: ["algorithm.learning.optimizer.step_size={{}}"], draw: Choice(["{idle}", "{working}"]))],
         measure: FinalReturn(window: 5),
         goal: {goal}"#
     ))
@@ -44,7 +44,7 @@ fn toy_text(goal: &str) -> String {
 fn two_methods_text() -> String {
     tuning_text(
         r#"methods: [
-            (name: "many", space: [(set: ["algorithm.learning.optimiser.step_size={}"], draw: LogUniform(1e-4, 1e-2))]),
+            (name: "many", space: [(set: ["algorithm.learning.optimizer.step_size={}"], draw: LogUniform(1e-4, 1e-2))]),
             (name: "few, \"three\"", set: ["agents.count=1"], space: [(name: "double", set: ["algorithm.double={}"], draw: Choice(["true", "false"])),
                 (name: "one", set: ["algorithm.learning.minibatch={}"], draw: Choice(["64", "64"]))]),
         ],
@@ -105,10 +105,10 @@ fn the_search_chooses_the_step_size_that_learns() {
         let output = tune(&path, "8", &out, &[]);
         assert!(output.status.success(), "{output:?}");
         let chosen = expected.map_or(String::new(), |value| {
-            format!(r#", "algorithm.learning.optimiser.step_size={value}""#)
+            format!(r#", "algorithm.learning.optimizer.step_size={value}""#)
         });
         let cell = format!(
-            r#"set: [{SET}, "algorithm.learning.optimiser.step_size={}"{chosen}]),"#,
+            r#"set: [{SET}, "algorithm.learning.optimizer.step_size={}"{chosen}]),"#,
             STEP_SIZES[0]
         );
         let best = file(&out, "best.ron");

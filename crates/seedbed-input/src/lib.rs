@@ -11,6 +11,7 @@ mod error;
 mod explanation;
 mod files;
 mod foreign;
+mod former_names;
 mod kind;
 pub mod limits;
 mod located;
@@ -19,6 +20,7 @@ pub mod numbers;
 mod parser;
 mod trial;
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use seedbed_settings::Settings;
@@ -30,6 +32,8 @@ pub use files::{
     Disk, FileSource, find_upwards, folders_upwards, is_ron, read_text, read_text_from, unreadable,
 };
 pub use foreign::NAME_IN_QUOTES;
+use former_names::with_new_names;
+pub use former_names::{FORMER_NAMES, FormerName, former_names_in, path_with_new_names};
 pub use kind::{FileKind, after_first_word, block_comment_length, file_kind};
 pub use located::{Document, Located, ValidationError, short_located_list};
 use located::{deserialize, deserialize_silently};
@@ -43,11 +47,15 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Document<T>, InputError>
     parse(&path.display().to_string(), read_text(path)?)
 }
 
-/// Parses RON `text`; errors show `origin` in place of a file name.
+/// Parses RON `text`, whose fields may have [former names](FORMER_NAMES); errors show `origin` in place of a file name.
 ///
 /// # Errors
 /// The text is not a `T`.
 pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document<T>, InputError> {
+    let text = match with_new_names(&text) {
+        Cow::Borrowed(_) => text,
+        Cow::Owned(renamed) => renamed,
+    };
     let value = deserialize(origin, &text, None)?;
     Ok(Document {
         origin: origin.to_owned(),
@@ -62,6 +70,7 @@ pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document
 /// If the text is not a `T`.
 #[must_use]
 pub fn settings_of<T: DeserializeOwned + PartialEq>(text: &str) -> Settings {
+    let text = &*with_new_names(text);
     let value: T = deserialize_silently(text).expect("a text that was read before");
     let is_same = |text: &str| deserialize_silently::<T>(text).is_some_and(|other| other == value);
     Settings::without_defaults(text, is_same).expect("a text that was read before")

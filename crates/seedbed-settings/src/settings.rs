@@ -263,7 +263,7 @@ mod tests {
     enum Learner {
         Gradient {
             #[serde(default, alias = "standardize")]
-            standardise: bool,
+            standardize: bool,
             #[serde(default)]
             rate: f32,
         },
@@ -272,7 +272,7 @@ mod tests {
     impl Default for Learner {
         fn default() -> Self {
             Self::Gradient {
-                standardise: false,
+                standardize: false,
                 rate: 0.0,
             }
         }
@@ -300,7 +300,7 @@ mod tests {
             "learner = Gradient\nlearner.rate = 0.5\nsizes[0].width = 1\ntask = \"pole\""
         );
         let long = "(count: 0, // none\n sizes: [(height: 0, width: 0x1)], task: r\"pole\", \
-                    learner: Gradient(standardise: false, rate: 5e-1,),)";
+                    learner: Gradient(standardize: false, rate: 5e-1,),)";
         assert_eq!(settings(long), short);
         assert_eq!(settings(long).digest(&[]), short.digest(&[]));
     }
@@ -323,10 +323,10 @@ mod tests {
 
     #[test]
     fn a_renamed_field_keeps_the_digest() {
-        let former = settings(r#"(task: "pole", learner: Gradient(standardise: true))"#);
+        let former = settings(r#"(task: "pole", learner: Gradient(standardize: true))"#);
         let renamed = settings(r#"(task: "pole", learner: Gradient(standardize: true))"#);
         assert_ne!(former, renamed);
-        let names = [("standardize", "standardise")];
+        let names = [("standardize", "standardize")];
         assert_eq!(former.digest(&names), renamed.digest(&names));
     }
 

@@ -174,7 +174,7 @@ function toCommand(app) {
   const { view, axes } = app;
   const what = view.color === "difference" ? "difference" : "visitation";
   const words = ["seedbed", "plot", ...app.runs.map((run) => run.path), "--what", what];
-  if (["agent", "episode", "return"].includes(view.color)) words.push("--colour", view.color);
+  if (["agent", "episode", "return"].includes(view.color)) words.push("--color", view.color);
   if (view.agents) words.push("--agents", [...view.agents].sort((one, other) => one - other).join(","));
   if (view.from > view.first || view.to < view.last) words.push("--episodes", `${view.from}..${view.to + 1}`);
   for (const [a, brush] of view.brushes.entries()) {

@@ -48,11 +48,11 @@ pub(super) const FIELDS: &[Synonym] = &[
         "step size of the optimizer",
         &[
             &[
-                "algorithm.policy_optimiser.step_size={}",
-                "algorithm.value_optimiser.step_size={}",
+                "algorithm.policy_optimizer.step_size={}",
+                "algorithm.value_optimizer.step_size={}",
             ],
-            &["algorithm.learning.optimiser.step_size={}"],
-            &["algorithm.network.optimiser.step_size={}"],
+            &["algorithm.learning.optimizer.step_size={}"],
+            &["algorithm.network.optimizer.step_size={}"],
         ],
         "0.001",
     ),
@@ -69,8 +69,8 @@ pub(super) const FIELDS: &[Synonym] = &[
         ],
         "the value function has an optimizer of its own",
         &[
-            &["algorithm.value_optimiser.step_size={}"],
-            &["algorithm.learning.optimiser.step_size={}"],
+            &["algorithm.value_optimizer.step_size={}"],
+            &["algorithm.learning.optimizer.step_size={}"],
         ],
         "0.001",
     ),
@@ -368,7 +368,7 @@ pub(super) const FIELDS: &[Synonym] = &[
     field(
         &["normadv", "normalizeadvantage", "advnorm", "standardize"],
         "over which samples advantages are standardized",
-        &[&["algorithm.standardise=PerMinibatch"]],
+        &[&["algorithm.standardize=PerMinibatch"]],
         "",
     ),
     field(

@@ -35,21 +35,21 @@ const CASES: &[Case] = &[
         "lr",
         "0.1",
         &[
-            "algorithm.policy_optimiser.step_size=0.1",
-            "algorithm.value_optimiser.step_size=0.1",
+            "algorithm.policy_optimizer.step_size=0.1",
+            "algorithm.value_optimizer.step_size=0.1",
         ],
     ),
     (
         "QLearning",
         "algorithm.learning_rate",
         "3e-4",
-        &["algorithm.learning.optimiser.step_size=3e-4"],
+        &["algorithm.learning.optimizer.step_size=3e-4"],
     ),
     (
         "SeedPsrl",
         "lr",
         "-1",
-        &["algorithm.network.optimiser.step_size=0.001"],
+        &["algorithm.network.optimizer.step_size=0.001"],
     ),
     ("CrossEntropy", "lr", "0.1", &[]),
     ("SeedPg", "gamma", "0.9", &["algorithm.discount=0.9"]),
@@ -154,7 +154,7 @@ const CASES: &[Case] = &[
     // Fields with the name that another one has elsewhere are not explained.
     ("SeedPg", "schedule.episodes", "0", &[]),
     ("SeedPg", "agents.seeds", "3", &[]),
-    ("SeedPg", "algorithm.policy_optimiser.epsilon", "-1", &[]),
+    ("SeedPg", "algorithm.policy_optimizer.epsilon", "-1", &[]),
     ("SeedPg", "algorithm.time_limit", "500", &[]),
     ("SeedPg", "algorithm", "Foo", &[]),
 ];
@@ -244,11 +244,11 @@ fn files_are_answered_with_fields() {
         ),
         (
             "algorithm: QLearning(lr: 0.1)",
-            "write `algorithm: QLearning(learning: (optimiser: (step_size: 0.1)))`",
+            "write `algorithm: QLearning(learning: (optimizer: (step_size: 0.1)))`",
         ),
         (
             "lr: 0.1, algorithm: HyperAgent()",
-            "write `algorithm: HyperAgent(learning: (optimiser: (step_size: 0.1)))`",
+            "write `algorithm: HyperAgent(learning: (optimizer: (step_size: 0.1)))`",
         ),
         (
             "clip_range: 0.1",

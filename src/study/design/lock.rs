@@ -15,8 +15,8 @@ use crate::study::FileError;
 use crate::study::design::cell::CellDescription;
 use crate::study::design::file::{Claim, NamedCell, Study};
 use crate::study::external::FileHash;
-use seedbed_input::InputError;
 use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_text};
+use seedbed_input::{FORMER_NAMES, InputError};
 use seedbed_stats::family::FAMILY_LEVEL;
 
 /// Number of digits of an id that are shown.
@@ -279,7 +279,7 @@ fn hash_of_study(study: &Study, text: &str, settings_version: u32) -> String {
     if settings_version == 0 {
         return sha256(study);
     }
-    seedbed_input::settings_of::<Study>(text).digest(&[])
+    seedbed_input::settings_of::<Study>(text).digest(&FORMER_NAMES)
 }
 
 #[expect(

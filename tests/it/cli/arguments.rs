@@ -205,7 +205,8 @@ fn absurd_numbers_are_refused() {
     }
     let folder = tempfile::tempdir().unwrap();
     let study = folder.path().join("many.ron");
-    let text = r#"Study(title: "Many", repeats: 99999999999, cells: [(name: "a", scenario: "cartpole")])"#;
+    let text =
+        r#"Study(title: "Many", repeats: 99999999999, cells: [(name: "a", scenario: "cartpole")])"#;
     std::fs::write(&study, text).unwrap();
     let error = run_refused(&["study", "list", study.to_str().unwrap()]);
     let place = format!("error: {}:1:31: in `repeats`: ", study.display());

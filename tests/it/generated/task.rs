@@ -148,7 +148,7 @@ pub(crate) const KEYWORDS: &[&str] = &[
     "DeepSea",
     "size",
     "move_cost",
-    "randomised",
+    "randomized",
     "slip",
     "BipolarChain",
     "vertices",
@@ -215,7 +215,7 @@ fn tabular(random: &mut Stream) -> String {
     let (p, q) = (small(random, 2), small(random, 2));
     let family = match random.random_range(0..4) {
         0 => format!(
-            "DeepSea(size: {p}, move_cost: {:?}, randomised: {}, slip: {:?})",
+            "DeepSea(size: {p}, move_cost: {:?}, randomized: {}, slip: {:?})",
             positive(random),
             random.random::<bool>(),
             random.random::<f64>()

@@ -138,7 +138,7 @@ fn advantages_are_recorded_only_if_an_axis_shows_them() {
 fn the_advantage_column_has_the_estimates_of_the_agents() {
     let overrides = [
         "algorithm=SeedPg(value_data: Own, policy_data: Own, discount: 1, value_target: MonteCarlo(importance: Off), \
-         advantage: MonteCarlo(baseline: Off), standardise: PerTrajectory)",
+         advantage: MonteCarlo(baseline: Off), standardize: PerTrajectory)",
         "agents=(count: 2, seeds: Normal(sigma: 0))",
         "recording.axes=[Advantage(from: 0, to: 200)]",
     ];

@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn quarter_turns_and_their_neighbours_are_close_to_libm() {
+    fn quarter_turns_and_their_neighbors_are_close_to_libm() {
         for k in (-700_000..700_000).step_by(37) {
             let angle = f64::from(k) * std::f64::consts::FRAC_PI_4;
             for angle in [angle, angle.next_up(), angle.next_down()] {

@@ -26,7 +26,7 @@ pub struct DeepSea {
     pub move_cost: NonNegative,
     /// Whether the action that moves to the right is drawn for each cell, once per MDP; if not, it is
     /// the second action. It is bsuite's `randomize_actions`.
-    pub randomised: bool,
+    pub randomized: bool,
     /// Probability that a move to the right goes to the left instead.
     pub slip: FractionBelowOne,
     /// Prior concentration α₀ of each direction of an action.
@@ -40,7 +40,7 @@ impl Default for DeepSea {
         Self {
             size: ranged_count(10),
             move_cost: ranged_number(0.01),
-            randomised: true,
+            randomized: true,
             slip: ranged_number(0.0),
             outcome_weight: ranged_number(1.0),
             deviation: ranged_number(1.0),
@@ -120,7 +120,7 @@ impl DeepSea {
         let left = [1.0, 0.0];
         let right = [self.slip.get(), 1.0 - self.slip.get()];
         let action_probabilities = |_| {
-            let is_swapped = self.randomised && random.random();
+            let is_swapped = self.randomized && random.random();
             if is_swapped {
                 [right, left]
             } else {

@@ -23,7 +23,7 @@ fn started(task: &TaskDescription, copies: usize) -> Box<dyn Environment> {
 /// and the third move to the right in a row finds the treasure.
 #[test]
 fn the_treasure_is_in_the_lower_right_corner() {
-    let task = sea("size: 3, randomised: false", "observation: Place");
+    let task = sea("size: 3, randomized: false", "observation: Place");
     let mut environment = started(&task, 2);
     let cost = (-0.01_f64 / 3.0) as f32;
     for (step, (actions, rewards, places)) in [
@@ -57,7 +57,7 @@ fn the_treasure_is_in_the_lower_right_corner() {
 /// 0.
 #[test]
 fn each_cell_has_an_observation_of_its_own() {
-    let task = sea("size: 3, randomised: false", "");
+    let task = sea("size: 3, randomized: false", "");
     let names: Vec<&str> = task
         .spec()
         .observations
@@ -112,7 +112,7 @@ fn which_action_moves_right_is_drawn_with_the_seed_of_the_file() {
 /// that has a cost is 0.5 ± 0.045 (4 standard deviations).
 #[test]
 fn moves_to_the_right_slip() {
-    let task = sea("size: 2, randomised: false, slip: 0.5", "");
+    let task = sea("size: 2, randomized: false, slip: 0.5", "");
     let mut environment = started(&task, 2000);
     environment.step(&[1.0; 2000]);
     let moved = environment

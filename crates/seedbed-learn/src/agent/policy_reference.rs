@@ -25,7 +25,7 @@ struct Case {
     parameters: Vec<f32>,
     states: Vec<f32>,
     actions: Vec<f32>,
-    behaviour: Vec<f32>,
+    behavior: Vec<f32>,
     advantages: Vec<f32>,
     gradient: Vec<f64>,
 }
@@ -80,7 +80,7 @@ impl Case {
         let mlp = network_shape(&spec, &self.sizes[1..self.sizes.len() - 1]);
         // Adam's first step is α g / (|g| + ε), which is g α/ε if ε is much larger than any
         // gradient.
-        let optimiser = AdamSettings {
+        let optimizer = AdamSettings {
             step_size: ranged_number(1e8),
             epsilon: ranged_number(1e6),
             ..AdamSettings::default()
@@ -88,19 +88,19 @@ impl Case {
         (
             Policy::new(
                 &spec,
-                Network::new(mlp, self.parameters.clone(), optimiser),
+                Network::new(mlp, self.parameters.clone(), optimizer),
                 ActionSelection::Sampled,
                 initial_deviation,
             ),
-            optimiser,
+            optimizer,
         )
     }
 
     /// The derivatives ∂lossₜ/∂log π(aₜ|sₜ): `[T]`.   `log_probs: [T]`
     fn slopes(&self, log_probs: &[f32]) -> Vec<f32> {
-        let steps = log_probs.iter().zip(&self.behaviour).zip(&self.advantages);
-        let slope = |((&log_prob, behaviour), &advantage): ((&f32, &f32), &f32)| {
-            let ratio = (log_prob - behaviour).exp();
+        let steps = log_probs.iter().zip(&self.behavior).zip(&self.advantages);
+        let slope = |((&log_prob, behavior), &advantage): ((&f32, &f32), &f32)| {
+            let ratio = (log_prob - behavior).exp();
             match self.loss {
                 Loss::SimplePg => policy_loss::simple(log_prob, advantage).slope,
                 Loss::Ppo { clip } => policy_loss::ppo(ratio, advantage, clip).slope,
@@ -119,7 +119,7 @@ fn a_step_follows_the_reference_gradient() {
         serde_json::from_str(include_str!("../../tests/gradients/reference.json")).unwrap();
     assert!(reference.policies.len() >= 8);
     for case in reference.policies {
-        let (mut policy, optimiser) = case.policy();
+        let (mut policy, optimizer) = case.policy();
         let mut log_probs = Vec::new();
         policy.evaluate(&case.states, &case.actions, &mut log_probs);
         let descent = Descent {
@@ -139,7 +139,7 @@ fn a_step_follows_the_reference_gradient() {
             .gradient
             .iter()
             .fold(0.0, |largest: f64, slope| largest.max(slope.abs()));
-        let scale = optimiser.step_size.get() / optimiser.epsilon.get();
+        let scale = optimizer.step_size.get() / optimizer.epsilon.get();
         assert_eq!(case.gradient.len(), case.parameters.len());
         for (index, expected) in case.gradient.iter().enumerate() {
             let moved =

@@ -22,7 +22,7 @@ use super::AlgorithmConfig;
 use super::seed_pg::SeedPgAgent;
 use super::seed_pg::common_settings::{configuration, copy_settings, with_common_settings};
 use super::seed_pg::config::{
-    AdvantageEstimate, Clipping, Data, Minibatch, PolicyLoss, ReturnNormalisation, SeedPg, Sharing,
+    AdvantageEstimate, Clipping, Data, Minibatch, PolicyLoss, ReturnNormalization, SeedPg, Sharing,
     Standardization, TimeLimit, VTrace, ValueTarget,
 };
 use crate::agent::bonus::Bonus;
@@ -67,7 +67,7 @@ impl Default for LeaderFollowers {
             lambda: ranged_number(0.95),
             discount: defaults.discount,
             time_limit: TimeLimit::Bootstraps,
-            standardise: Standardization::PerMinibatch,
+            standardize: Standardization::PerMinibatch,
             returns: defaults.returns,
             observations: ObservationScaling::Range,
             actions: defaults.actions,
@@ -76,8 +76,8 @@ impl Default for LeaderFollowers {
             minibatch: Minibatch::Steps(ranged_count(64)),
             gradient_clip: defaults.gradient_clip,
             initial_deviation: defaults.initial_deviation,
-            policy_optimiser: defaults.policy_optimiser,
-            value_optimiser: defaults.value_optimiser,
+            policy_optimizer: defaults.policy_optimizer,
+            value_optimizer: defaults.value_optimizer,
             bonus: defaults.bonus,
         }
     }
@@ -276,8 +276,8 @@ mod tests {
             let config = |weight| LeaderFollowers {
                 follower_weight: ranged_number(weight),
                 sharing: Sharing::All,
-                standardise: Standardization::Off,
-                returns: ReturnNormalisation::Raw,
+                standardize: Standardization::Off,
+                returns: ReturnNormalization::Raw,
                 minibatch,
                 ..LeaderFollowers::default()
             };
@@ -306,7 +306,7 @@ mod tests {
     #[test]
     fn the_leader_samples_episodes_of_followers() {
         let config = LeaderFollowers {
-            returns: ReturnNormalisation::Raw,
+            returns: ReturnNormalization::Raw,
             ..LeaderFollowers::default()
         };
         let noticed = [1, 2].map(|changed| agents_that_notice(&config, changed)[0]);

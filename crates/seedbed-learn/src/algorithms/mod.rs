@@ -4,7 +4,7 @@
 //! [`AlgorithmConfig`], and one line in the list [below](Algorithm). Everything else derives from
 //! these two: how scenarios are read and checked, how teams are built, what `seedbed list` shows.
 
-pub mod catalogue;
+pub mod catalog;
 pub mod cross_entropy;
 pub mod leader_followers;
 pub mod random;
@@ -180,10 +180,10 @@ macro_rules! algorithms {
 
             /// Every algorithm with its parameters and defaults.
             #[must_use]
-            pub fn catalogue() -> Vec<catalogue::AlgorithmInfo> {
+            pub fn catalog() -> Vec<catalog::AlgorithmInfo> {
                 vec![
-                    $(catalogue::AlgorithmInfo::of::<$config>(stringify!($name)),)*
-                    $(catalogue::AlgorithmInfo::of::<$plain_config>(stringify!($plain)),)*
+                    $(catalog::AlgorithmInfo::of::<$config>(stringify!($name)),)*
+                    $(catalog::AlgorithmInfo::of::<$plain_config>(stringify!($plain)),)*
                 ]
             }
         }

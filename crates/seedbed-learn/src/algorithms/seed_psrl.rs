@@ -114,7 +114,7 @@ impl Default for SeedPsrl {
             network: BayesianSettings {
                 initial_deviation: ranged_number(0.05),
                 likelihood_deviation: ranged_number(0.1),
-                optimiser: AdamSettings {
+                optimizer: AdamSettings {
                     step_size: ranged_number(3e-3),
                     ..AdamSettings::default()
                 },

@@ -134,9 +134,9 @@ def gaussian_case(action, mean, log_deviation):
 # Policy losses of one step; a loss is named as Rust's enum of the test is written in JSON.
 
 
-def surrogate(loss, log_prob, behaviour, advantage):
-    """The loss at log π(a|s), with log μ(a|s) = `behaviour`."""
-    ratio = jnp.exp(log_prob - behaviour)
+def surrogate(loss, log_prob, behavior, advantage):
+    """The loss at log π(a|s), with log μ(a|s) = `behavior`."""
+    ratio = jnp.exp(log_prob - behavior)
     if loss == "Simple":
         return -log_prob * advantage
     if "Ppo" in loss:
@@ -155,9 +155,9 @@ def policy_loss_cases():
             for loss in losses for log_ratio in log_ratios for advantage in advantages]
 
 
-def policy_loss_case(loss, log_prob, behaviour, advantage):
-    value, slope = jax.value_and_grad(surrogate, 1)(loss, log_prob, behaviour, advantage)
-    return {"loss": loss, "log_prob": log_prob, "behaviour": behaviour, "advantage": advantage,
+def policy_loss_case(loss, log_prob, behavior, advantage):
+    value, slope = jax.value_and_grad(surrogate, 1)(loss, log_prob, behavior, advantage)
+    return {"loss": loss, "log_prob": log_prob, "behavior": behavior, "advantage": advantage,
             "value": result(value), "slope": result(slope)}
 
 
@@ -208,17 +208,17 @@ def policy_case(name, head, sizes, actions, loss, bonus=0.01):
     outputs = mlp(sizes, array(parameters), rows(states, sizes[0]))
     log_probs, _ = log_probs_and_entropies(head, outputs, actions)
     # Both sides of the clip with both signs of the advantage, and within it.
-    behaviour = exact(log_probs - array([0.75, 0.5, 0.0625, -0.625, -0.5, -0.125]))
+    behavior = exact(log_probs - array([0.75, 0.5, 0.0625, -0.625, -0.5, -0.125]))
 
     def objective(parameters):
         outputs = mlp(sizes, parameters, rows(states, sizes[0]))
         log_probs, entropies = log_probs_and_entropies(head, outputs, actions)
-        return jnp.mean(surrogate(loss, log_probs, array(behaviour), array(advantages))) - bonus * jnp.mean(entropies)
+        return jnp.mean(surrogate(loss, log_probs, array(behavior), array(advantages))) - bonus * jnp.mean(entropies)
 
-    keep_off_kinks(head, outputs, log_probs - array(behaviour), loss)
+    keep_off_kinks(head, outputs, log_probs - array(behavior), loss)
     value, gradient = jax.value_and_grad(objective)(array(parameters))
     return {"name": name, "head": head, "loss": loss, "entropy_bonus": bonus, "sizes": sizes, "parameters": parameters,
-            "states": states, "actions": actions, "behaviour": behaviour, "advantages": advantages,
+            "states": states, "actions": actions, "behavior": behavior, "advantages": advantages,
             "value": result(value), "gradient": result(gradient)}
 
 
@@ -237,7 +237,7 @@ def keep_off(quantities, bounds):
 
 
 def value_case(name, weights):
-    """½ mean w (Ŷ − Y)², Y being normalised already."""
+    """½ mean w (Ŷ − Y)², Y being normalized already."""
     sizes, batch = [4, 8, 8, 1], len(weights)
     parameters, states = initial("value", sizes), numbers("value states", batch * sizes[0], -2.0, 2.0)
     targets = numbers("value targets", batch, -2.0, 2.0)
@@ -251,7 +251,7 @@ def value_case(name, weights):
             "value": result(value), "gradient": result(gradient)}
 
 
-def action_value_case(name, double, prior_scale, regularisation):
+def action_value_case(name, double, prior_scale, regularization):
     """½ mean w (r + z + γ Q'(s', b) − Q(s, a))² + ½ λ ‖θ − θ̂‖², where Q = f + β p and b is the best by Q' or, if double, by Q."""
     sizes, batch, stream = [3, 8, 8, 4], 7, f"action values {name}"
     parameters, target, prior, start = (initial(f"{stream} {role}", sizes) for role in ("learned", "target", "prior", "start"))
@@ -269,14 +269,14 @@ def action_value_case(name, double, prior_scale, regularisation):
         followed = jax.lax.stop_gradient(judged[jnp.arange(batch), best])
         targets = array(rewards) + array(seeds) + array(discounts) * followed
         errors = targets - values(parameters, states)[jnp.arange(batch), jnp.array(actions)]
-        pull = regularisation * jnp.sum((parameters - array(start)) ** 2) / 2
+        pull = regularization * jnp.sum((parameters - array(start)) ** 2) / 2
         return jnp.mean(array(weights) * errors**2) / 2 + pull
 
     value, gradient = jax.value_and_grad(objective)(array(parameters))
     return {"name": name, "sizes": sizes, "parameters": parameters, "target": target, "prior": prior, "start": start,
             "states": states, "next_states": next_states, "actions": actions, "rewards": rewards, "seeds": seeds,
             "discounts": discounts, "weights": weights, "double": double, "prior_scale": prior_scale,
-            "regularisation": regularisation, "value": result(value), "gradient": result(gradient)}
+            "regularization": regularization, "value": result(value), "gradient": result(gradient)}
 
 
 def indexed_value_case(name, independent):
@@ -327,11 +327,11 @@ def adam_case(name, settings, factor):
     """Row t of `trajectory` is θ after step t, along row t of `gradients`."""
     count, steps = 5, 3
     start, gradients = numbers("adam start", count, -1.0, 1.0), numbers("adam gradients", steps * count, -2.0, 2.0)
-    optimiser = optax.adam(factor * settings["step_size"], settings["beta1"], settings["beta2"], settings["epsilon"])
+    optimizer = optax.adam(factor * settings["step_size"], settings["beta1"], settings["beta2"], settings["epsilon"])
     parameters, trajectory = array(start), []
-    state = optimiser.init(parameters)
+    state = optimizer.init(parameters)
     for gradient in rows(gradients, count):
-        change, state = optimiser.update(gradient, state)
+        change, state = optimizer.update(gradient, state)
         parameters = optax.apply_updates(parameters, change)
         trajectory.append(parameters)
     return {"name": name, "settings": settings, "factor": factor, "start": start, "gradients": gradients,
@@ -339,7 +339,7 @@ def adam_case(name, settings, factor):
 
 
 def pop_art_case(name, beta):
-    """Moment p is Σ β (1−β)^age mean Yᵖ, and (1−β)^updates of where it starts: 0 and 1. Denormalised outputs do not change."""
+    """Moment p is Σ β (1−β)^age mean Yᵖ, and (1−β)^updates of where it starts: 0 and 1. Denormalized outputs do not change."""
     sizes, batch, updates, count = [3, 8, 1], 6, 3, 4
     parameters, inputs = initial("pop-art", sizes), numbers("pop-art inputs", batch * sizes[0], -2.0, 2.0)
     targets = [numbers(f"pop-art targets {update}", count, -20.0, 80.0 + 100.0 * update) for update in range(updates)]

@@ -210,8 +210,8 @@ enum Loss {
 }
 
 impl Loss {
-    fn surrogate(self, log_prob: f32, behaviour: f32, advantage: f32) -> Surrogate {
-        let ratio = (log_prob - behaviour).exp();
+    fn surrogate(self, log_prob: f32, behavior: f32, advantage: f32) -> Surrogate {
+        let ratio = (log_prob - behavior).exp();
         match self {
             Self::Simple => policy_loss::simple(log_prob, advantage),
             Self::Ppo { clip } => policy_loss::ppo(ratio, advantage, clip),
@@ -225,7 +225,7 @@ impl Loss {
 struct PolicyLossCase {
     loss: Loss,
     log_prob: f32,
-    behaviour: f32,
+    behavior: f32,
     advantage: f32,
     value: f64,
     slope: f64,
@@ -237,14 +237,13 @@ fn policy_losses_match_the_reference() {
         let &PolicyLossCase {
             loss,
             log_prob,
-            behaviour,
+            behavior,
             advantage,
             ..
         } = case;
-        let surrogate = loss.surrogate(log_prob, behaviour, advantage);
-        let name = |what| {
-            format!("{loss:?} at log π {log_prob}, log μ {behaviour}, A {advantage}: {what}")
-        };
+        let surrogate = loss.surrogate(log_prob, behavior, advantage);
+        let name =
+            |what| format!("{loss:?} at log π {log_prob}, log μ {behavior}, A {advantage}: {what}");
         assert_close(&name("loss"), &[surrogate.loss], &[case.value]);
         assert_close(&name("slope"), &[surrogate.slope], &[case.slope]);
         assert_eq!(
@@ -278,7 +277,7 @@ struct PolicyCase {
     parameters: Vec<f32>,
     states: Vec<f32>,
     actions: Vec<f32>,
-    behaviour: Vec<f32>,
+    behavior: Vec<f32>,
     advantages: Vec<f32>,
     value: f64,
     gradient: Vec<f64>,
@@ -300,8 +299,8 @@ impl PolicyCase {
     }
 
     fn surrogate(&self, index: usize, log_prob: f32) -> Surrogate {
-        let (behaviour, advantage) = (self.behaviour[index], self.advantages[index]);
-        self.loss.surrogate(log_prob, behaviour, advantage)
+        let (behavior, advantage) = (self.behavior[index], self.advantages[index]);
+        self.loss.surrogate(log_prob, behavior, advantage)
     }
 
     /// Weight of each sample in the mean.
@@ -465,7 +464,7 @@ struct ActionValueCase {
     /// Scale β of the prior.
     prior_scale: f32,
     /// Weight λ of the regularization.
-    regularisation: f32,
+    regularization: f32,
     value: f64,
     gradient: Vec<f64>,
 }
@@ -516,7 +515,7 @@ impl ActionValueCase {
             .parameters
             .iter()
             .zip(&self.start)
-            .map(|(now, start)| self.regularisation * (now - start))
+            .map(|(now, start)| self.regularization * (now - start))
             .collect();
         let term = gradient
             .iter()
@@ -682,10 +681,10 @@ struct AdamCase {
 fn steps_of_adam_match_the_reference() {
     check_cases(&reference().adam, 3, |case| {
         let (count, mut parameters) = (case.start.len(), case.start.clone());
-        let mut optimiser = Adam::new(case.settings, count);
+        let mut optimizer = Adam::new(case.settings, count);
         let mut trajectory = Vec::new();
         for gradient in case.gradients.chunks_exact(count) {
-            optimiser.descend(&mut parameters, gradient, case.factor);
+            optimizer.descend(&mut parameters, gradient, case.factor);
             trajectory.extend_from_slice(&parameters);
         }
         assert_close_at_scale(

@@ -38,7 +38,7 @@ pub struct Rnd {
     /// Number of outputs of both networks.
     pub outputs: Count<4096>,
     /// Optimizer of the predictor.
-    pub optimiser: AdamSettings,
+    pub optimizer: AdamSettings,
 }
 
 impl Default for Rnd {
@@ -50,7 +50,7 @@ impl Default for Rnd {
             minibatch: ranged_count(64),
             hidden: vec![ranged_count(32), ranged_count(32)],
             outputs: ranged_count(16),
-            optimiser: AdamSettings::default(),
+            optimizer: AdamSettings::default(),
         }
     }
 }
@@ -124,7 +124,7 @@ impl RndModel {
         let target_parameters = target.initial_parameters(Initial::Random, &mut random);
         let initial_parameters = predictor.initial_parameters(Initial::Random, &mut random);
         Self {
-            predictor: Network::new(predictor, initial_parameters, config.optimiser),
+            predictor: Network::new(predictor, initial_parameters, config.optimizer),
             config: config.clone(),
             encoder: TransitionEncoder::new(context.spec, Targets::Changes),
             target,

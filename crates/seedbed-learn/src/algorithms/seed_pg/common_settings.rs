@@ -7,9 +7,9 @@ macro_rules! with_common_settings {
         $then! {
             $($first)*
             /// Over which samples advantages are standardized, if at all.
-            standardise: Standardization,
+            standardize: Standardization,
             /// How targets of the value function are normalized.
-            returns: ReturnNormalisation,
+            returns: ReturnNormalization,
             /// Discount factor γ.
             discount: Fraction,
             /// Whether the time limit counts as the end of an episode.
@@ -30,9 +30,9 @@ macro_rules! with_common_settings {
             /// Initial standard deviation of continuous actions, as a share of half their range.
             initial_deviation: Positive,
             /// The policy's optimizer.
-            policy_optimiser: AdamSettings,
+            policy_optimizer: AdamSettings,
             /// The value function's optimizer.
-            value_optimiser: AdamSettings,
+            value_optimizer: AdamSettings,
             /// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
             bonus: Located<Bonus>,
         }

@@ -40,7 +40,7 @@ with_common_settings!(configuration! {
         /// How both step sizes change from round to round.
         pub step_size_schedule: StepSizeSchedule,
         /// Weight λ of the regularization of both networks towards their initial parameters θ̂ and φ̂.
-        pub regularisation: NonNegative,
+        pub regularization: NonNegative,
         /// Factor on the initial parameters of the policy's output layer.
         pub policy_scale: NonNegative,
         /// Factor on the initial parameters of the value function's output layer.
@@ -234,7 +234,7 @@ pub enum Clipping {
 /// How targets of the value function are normalized.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum ReturnNormalisation {
+pub enum ReturnNormalization {
     /// By running moments: Pop-Art (thesis Alg. 1).
     PopArt {
         /// Step size β of the running moments per minibatch.
@@ -506,14 +506,14 @@ impl Default for SeedPg {
                 baseline: Baseline::Value,
             }
             .into(),
-            standardise: Standardization::Off,
+            standardize: Standardization::Off,
             policy_loss: PolicyLoss::Ppo {
                 clip: default_clip(),
                 clipping: Clipping::Joint,
             }
             .into(),
             entropy_bonus: ranged_number(0.0),
-            returns: ReturnNormalisation::PopArt {
+            returns: ReturnNormalization::PopArt {
                 beta: default_beta(),
             },
             discount: ranged_number(0.99),
@@ -525,12 +525,12 @@ impl Default for SeedPg {
             minibatch: Minibatch::Trajectory,
             gradient_clip: None,
             step_size_schedule: StepSizeSchedule::Constant,
-            regularisation: ranged_number(0.0),
+            regularization: ranged_number(0.0),
             initial_deviation: ranged_number(0.5),
             policy_scale: ranged_number(1.0),
             value_scale: ranged_number(1.0),
-            policy_optimiser: AdamSettings::default(),
-            value_optimiser: AdamSettings::default(),
+            policy_optimizer: AdamSettings::default(),
+            value_optimizer: AdamSettings::default(),
             bonus: Bonus::None.into(),
         }
     }

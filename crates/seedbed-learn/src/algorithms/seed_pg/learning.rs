@@ -180,7 +180,7 @@ impl SeedPgAgent {
     fn normalize(&mut self, targets: &[f32]) {
         let (weight, bias) = self.value.output_layer();
         self.normalizer.update(targets, weight, bias);
-        if self.config.regularisation.get() > 0.0 {
+        if self.config.regularization.get() > 0.0 {
             self.normalize_regularization();
         }
     }
@@ -218,7 +218,7 @@ impl SeedPgAgent {
     pub(super) fn load_trajectory(&mut self, episode: &Episode, index: usize) {
         self.estimate(episode, index);
         self.weight_samples(episode.agent == self.agent, index);
-        if self.config.standardise == Standardization::PerTrajectory {
+        if self.config.standardize == Standardization::PerTrajectory {
             advantage::standardize(&mut self.work.samples.advantages);
         }
     }
@@ -332,7 +332,7 @@ impl SeedPgAgent {
     /// must have been computed.
     pub(super) fn improve_policy(&mut self, descent: &Descent, totals: &mut Totals) {
         let work = &mut self.work;
-        if self.config.standardise == Standardization::PerMinibatch {
+        if self.config.standardize == Standardization::PerMinibatch {
             advantage::standardize(&mut work.samples.advantages);
         }
         let samples = &work.samples;

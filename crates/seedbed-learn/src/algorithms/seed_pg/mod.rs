@@ -20,7 +20,7 @@ mod totals;
 use rand::seq::index;
 use serde::{Deserialize, Serialize};
 
-use self::config::{Data, ReturnNormalisation, SeedPg, Sharing};
+use self::config::{Data, ReturnNormalization, SeedPg, Sharing};
 use self::estimates::Scratch;
 use self::samples::Samples;
 use self::totals::Totals;
@@ -124,8 +124,8 @@ impl SeedPgAgent {
             policy: Policy::new(spec, policy, *config.actions, initial_deviation),
             value,
             normalizer: match config.returns {
-                ReturnNormalisation::PopArt { beta } => PopArt::new(beta.get()),
-                ReturnNormalisation::Raw => PopArt::identity(),
+                ReturnNormalization::PopArt { beta } => PopArt::new(beta.get()),
+                ReturnNormalization::Raw => PopArt::identity(),
             },
             bonus_model: BonusModel::new(&config.bonus, context),
             weight_of_others: None,
@@ -182,7 +182,7 @@ impl SeedPgAgent {
 
     fn descent(&self, round: u32) -> Descent {
         Descent {
-            regularization: self.config.regularisation.get_f32(),
+            regularization: self.config.regularization.get_f32(),
             gradient_clip: self.config.gradient_clip.map(Positive::get_f32),
             step_size_factor: self.config.step_size_schedule.factor(round),
         }
@@ -217,8 +217,8 @@ fn initial_networks(
     scale_output_layer(&policy_shape, &mut initial.policy, policy_scale);
     scale_output_layer(&value_shape, &mut initial.value, value_scale);
     (
-        Network::new(policy_shape, initial.policy, config.policy_optimiser),
-        Network::new(value_shape, initial.value, config.value_optimiser),
+        Network::new(policy_shape, initial.policy, config.policy_optimizer),
+        Network::new(value_shape, initial.value, config.value_optimizer),
     )
 }
 

@@ -52,7 +52,7 @@ pub struct SeedTd {
     /// How a model is fitted to the transitions of the replay buffer.
     pub fit: Located<Fit>,
     /// Weight λ of the regularization towards the model's initial parameters θ̂.
-    pub regularisation: NonNegative,
+    pub regularization: NonNegative,
     /// Scale β of the prior: Q is the learned network plus β times a fixed random network (Osband,
     /// Aslanides & Cassirer 2018).
     pub prior_scale: NonNegative,
@@ -162,7 +162,7 @@ pub struct Learning {
     /// Maximal Euclidean norm of the gradient; `None`: no maximum.
     pub gradient_clip: Option<Positive>,
     /// Optimizer of the networks.
-    pub optimiser: AdamSettings,
+    pub optimizer: AdamSettings,
 }
 
 /// The settings of a [`ValueTeam`], which every configuration of a value-based learner provides.
@@ -443,7 +443,7 @@ impl ValueBased for SeedTd {
             models: max_models.min(agents),
             has_reward_seeds: self.has_reward_seeds(),
             prior_scale: self.prior_scale.get_f32(),
-            regularization: self.regularisation.get_f32(),
+            regularization: self.regularization.get_f32(),
             fit: *self.fit,
             ..Composition::of_fields(self)
         }
@@ -539,7 +539,7 @@ impl Default for SeedTd {
                 most: default_ensemble(),
             },
             fit: Fit::Td.into(),
-            regularisation: ranged_number(0.0),
+            regularization: ranged_number(0.0),
             prior_scale: ranged_number(3.0),
             exploration: Exploration::Greedy,
             double: false,
@@ -577,7 +577,7 @@ impl Default for Learning {
             minibatches: ranged_count(1),
             target_every: ranged_count(100),
             gradient_clip: None,
-            optimiser: AdamSettings::default(),
+            optimizer: AdamSettings::default(),
         }
     }
 }

@@ -138,7 +138,7 @@ impl ValueModel {
         let network = Network::new(
             mlp,
             initial_parameters.clone(),
-            composition.learning.optimiser,
+            composition.learning.optimizer,
         );
         let seed_distribution = composition.has_reward_seeds.then_some(*team.seeds);
         let bonus_model = BonusModel::new(&composition.bonus, first_follower);

@@ -217,10 +217,10 @@ fn seeds_shift_learned_values() {
 /// With a large weight of ½ ‖θ − θ̂‖², a model stays at its initial parameters.
 #[test]
 fn regularization_keeps_a_model_at_its_initial_parameters() {
-    let largest_change = |regularisation| {
+    let largest_change = |regularization| {
         let config = SeedTd {
             learning: learning(),
-            regularisation: ranged_number(regularisation),
+            regularization: ranged_number(regularization),
             ..SeedTd::default()
         };
         let mut team = team(config.compose(1), 1, 0.0);

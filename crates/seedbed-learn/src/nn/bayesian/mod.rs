@@ -32,7 +32,7 @@ pub struct BayesianSettings {
     /// Fixed standard deviation s of targets around the network's outputs.
     pub likelihood_deviation: Positive,
     /// Optimizer of μ and ρ.
-    pub optimiser: AdamSettings,
+    pub optimizer: AdamSettings,
 }
 
 impl Default for BayesianSettings {
@@ -43,7 +43,7 @@ impl Default for BayesianSettings {
             initial_deviation,
             prior_deviation,
             likelihood_deviation,
-            optimiser: AdamSettings::default(),
+            optimizer: AdamSettings::default(),
         }
     }
 }
@@ -97,7 +97,7 @@ impl BayesianNetwork {
         let state = BayesianState {
             parameters,
             prior,
-            optimizer: Adam::new(settings.optimiser, 2 * count),
+            optimizer: Adam::new(settings.optimizer, 2 * count),
         };
         let likelihood = Likelihood::new(sizes, settings.likelihood_deviation.get_f32());
         let mut network = Self {
@@ -138,7 +138,7 @@ impl BayesianNetwork {
     }
 
     /// Copies the posterior of a network of the same shape. Training must not continue from the copy,
-    /// because it lacks the optimiser's moments and the prior.
+    /// because it lacks the optimizer's moments and the prior.
     pub(crate) fn copy_posterior(&mut self, other: &Self) {
         self.state.parameters.clone_from(&other.state.parameters);
         self.posterior.clone_from(&other.posterior);
@@ -410,7 +410,7 @@ mod tests {
             3,
             &[1, 4, 1],
             &BayesianSettings {
-                optimiser: fast,
+                optimizer: fast,
                 ..BayesianSettings::default()
             },
         );

@@ -104,11 +104,11 @@ fn other_settings_learn_from_own_data() {
             ..own_data()
         },
         SeedPg {
-            standardise: Standardization::PerTrajectory,
+            standardize: Standardization::PerTrajectory,
             ..own_data()
         },
         SeedPg {
-            standardise: Standardization::PerMinibatch,
+            standardize: Standardization::PerMinibatch,
             minibatch: Minibatch::Steps(ranged_count(3)),
             ..own_data()
         },
@@ -126,7 +126,7 @@ fn other_settings_learn_from_own_data() {
             ..own_data()
         },
         SeedPg {
-            returns: ReturnNormalisation::Raw,
+            returns: ReturnNormalization::Raw,
             entropy_bonus: ranged_number(0.001),
             ..own_data()
         },
@@ -149,8 +149,8 @@ fn combinations<A: Copy, B: Copy, C: Copy>(a: &[A], b: &[B], c: &[C]) -> Vec<(A,
 /// Increase of the mean probability of a rewarded action after 40 updates, each on an episode
 /// played by the present policy.
 fn probability_increase(mut config: SeedPg) -> f32 {
-    config.policy_optimiser.step_size = ranged_number(0.01);
-    config.value_optimiser.step_size = ranged_number(0.01);
+    config.policy_optimizer.step_size = ranged_number(0.01);
+    config.value_optimizer.step_size = ranged_number(0.01);
     let mut learner = agent(&config, 0, 0.0);
     let mut random = stream(3, Purpose::Action, 0, 0);
     let before = probability_of_action_0(&learner);

@@ -116,9 +116,9 @@ fn regularization_keeps_the_initial_value_function_despite_pop_art() {
         .rewards
         .iter_mut()
         .for_each(|reward| *reward += 10.0);
-    let largest_change = |regularisation| {
+    let largest_change = |regularization| {
         let config = SeedPg {
-            regularisation: ranged_number(regularisation),
+            regularization: ranged_number(regularization),
             ..SeedPg::default()
         };
         let mut learner = agent(&config, 0, 0.0);
@@ -140,9 +140,9 @@ fn regularization_keeps_the_initial_value_function_despite_pop_art() {
 
 #[test]
 fn regularization_keeps_parameters_near_their_initial_values() {
-    let distance = |regularisation| {
+    let distance = |regularization| {
         let config = SeedPg {
-            regularisation: ranged_number(regularisation),
+            regularization: ranged_number(regularization),
             ..SeedPg::default()
         };
         let mut learner = agent(&config, 0, 0.1);
@@ -169,7 +169,7 @@ fn regularization_keeps_parameters_near_their_initial_values() {
 #[test]
 fn rewarded_actions_become_more_likely() {
     let mut config = SeedPg::default();
-    config.policy_optimiser.step_size = ranged_number(0.01);
+    config.policy_optimizer.step_size = ranged_number(0.01);
     let mut learner = agent(&config, 0, 0.0);
     let mut rewarded = episode(0);
     rewarded.rewards = rewarded
@@ -227,7 +227,7 @@ fn advantages_of_own_steps_are_recorded() {
             baseline: Baseline::Off,
         }
         .into(),
-        standardise: Standardization::PerTrajectory,
+        standardize: Standardization::PerTrajectory,
         discount: ranged_number(0.5),
         ..SeedPg::default()
     };
@@ -272,7 +272,7 @@ fn recording_advantages_does_not_change_learning() {
             ..SeedPg::default()
         },
         SeedPg {
-            standardise: Standardization::PerTrajectory,
+            standardize: Standardization::PerTrajectory,
             time_limit: TimeLimit::Bootstraps,
             ..SeedPg::default()
         },

@@ -3,7 +3,7 @@
 use super::Scenario;
 use crate::scenario::recording::RecordingSettings;
 use seedbed_learn::agent::TeamConfig;
-use seedbed_learn::algorithms::catalogue::{Parameter, parameters};
+use seedbed_learn::algorithms::catalog::{Parameter, parameters};
 
 /// Fields that are not listed: their own fields are listed instead, or they are documented
 /// elsewhere.
@@ -13,19 +13,19 @@ impl Scenario {
     /// Parameters of a scenario with their defaults: those of the scenario itself, its team and its
     /// recording, without those of its algorithm.
     #[must_use]
-    pub fn catalogue() -> Vec<Parameter> {
-        let mut catalogue = with_prefix("agents", parameters(&TeamConfig::default()));
+    pub fn catalog() -> Vec<Parameter> {
+        let mut catalog = with_prefix("agents", parameters(&TeamConfig::default()));
         let direct_fields = parameters(&Self::with_defaults());
-        catalogue.extend(
+        catalog.extend(
             direct_fields
                 .into_iter()
                 .filter(|field| !OMITTED_FIELDS.contains(&field.name.as_str())),
         );
-        catalogue.extend(with_prefix(
+        catalog.extend(with_prefix(
             "recording",
             parameters(&RecordingSettings::default()),
         ));
-        catalogue
+        catalog
     }
 }
 
@@ -43,7 +43,7 @@ mod tests {
 
     #[test]
     fn every_parameter_has_a_meaning_and_a_default() {
-        let catalogue = Scenario::catalogue();
+        let catalog = Scenario::catalog();
         for name in [
             "agents.count",
             "physics",
@@ -52,11 +52,11 @@ mod tests {
             "recording.lines",
         ] {
             assert!(
-                catalogue.iter().any(|parameter| parameter.name == name),
+                catalog.iter().any(|parameter| parameter.name == name),
                 "{name}"
             );
         }
-        for parameter in catalogue {
+        for parameter in catalog {
             assert!(!parameter.meaning.is_empty(), "{parameter:?}");
             assert!(!parameter.default.is_empty(), "{parameter:?}");
         }

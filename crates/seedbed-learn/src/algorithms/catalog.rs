@@ -233,7 +233,7 @@ mod tests {
 
     #[test]
     fn every_parameter_has_a_meaning_and_a_default() {
-        for algorithm in Algorithm::catalogue() {
+        for algorithm in Algorithm::catalog() {
             assert!(!algorithm.purpose.is_empty(), "{}", algorithm.name);
             for parameter in algorithm.parameters {
                 let name = format!("{} of {}", parameter.name, algorithm.name);
@@ -248,7 +248,7 @@ mod tests {
 
     #[test]
     fn parameters_derive_from_the_configuration() {
-        let seed_pg = &Algorithm::catalogue()[0];
+        let seed_pg = &Algorithm::catalog()[0];
         let parameter = |name: &str| {
             let mut parameters = seed_pg.parameters.iter();
             parameters.find(|other| other.name == name).unwrap()
