@@ -160,7 +160,7 @@ impl TwoMeans {
     #[must_use]
     pub fn with_splits(x: &[f64], y: &[f64], splits: &Splits) -> Self {
         assert_eq!(splits.sizes, [x.len(), y.len()]);
-        // Centred values keep the squares small, which loses fewer digits.
+        // Centered values keep the squares small, which loses fewer digits.
         let center = f64::midpoint(mean(x), mean(y));
         let values: Vec<f64> = x.iter().chain(y).map(|value| value - center).collect();
         let sums_over = |runs: &mut dyn Iterator<Item = usize>| {
