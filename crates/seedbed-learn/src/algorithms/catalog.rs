@@ -7,6 +7,7 @@
 use ron::extensions::Extensions;
 use ron::ser::PrettyConfig;
 use schemars::{JsonSchema, SchemaGenerator};
+use seedbed_settings::{Field, Tree};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -64,21 +65,18 @@ pub fn parameters<T: JsonSchema + Serialize>(default: &T) -> Vec<Parameter> {
     let config = PrettyConfig::new()
         .depth_limit(1)
         .extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
-    let text = ron::ser::to_string_pretty(default, config).unwrap_or_default();
+    let text = ron::ser::to_string_pretty(default, config).expect("a configuration can be written");
+    let tree = Tree::parse(&text).expect("what is written can be read");
     let mut parameters = Vec::new();
-    for line in text.lines() {
-        let field = line.strip_prefix("    ");
-        let Some((name, default)) = field.and_then(|field| field.split_once(": ")) else {
-            continue;
-        };
-        let field = &schemas.root["properties"][name];
+    for Field { name, value, .. } in tree.root.fields() {
+        let field = &schemas.root["properties"][name.as_str()];
         parameters.push(Parameter {
-            name: name.to_owned(),
+            name: name.clone(),
             meaning: description(field),
             expected: schemas.expected(field),
             choices: schemas.choices(field),
             // RON writes `r#None` for a variant that is called `None`, but reads `None` as well.
-            default: default.trim_end_matches(',').replace("r#", ""),
+            default: text[value.place.clone()].replace("r#", ""),
         });
     }
     parameters
