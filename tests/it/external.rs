@@ -900,14 +900,14 @@ fn rounding_is_no_effect() {
         "{printed}"
     );
     let table = fixture.output("claims.md");
-    let found = "| 0 (0 to 0), 0.1 against 0.1 | 10 |";
+    let found = "| 0 (no interval: all runs have the same value), 0.1 against 0.1 | 10 |";
     assert_eq!(table.matches(found).count(), 3, "{table}");
     assert_eq!(table.matches("| 1.0000 | open |").count(), 2, "{table}");
     assert!(!table.contains("Times are compared"), "{table}");
     assert!(
         fixture
             .output("tables.md")
-            .contains("| 10 | 0 (0 to 0) | 0.5 (")
+            .contains("| 10 | 0 (no interval: all runs have the same value) | 0.5 (")
     );
 }
 

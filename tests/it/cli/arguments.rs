@@ -210,6 +210,7 @@ fn absurd_numbers_are_refused() {
     std::fs::write(&study, text).unwrap();
     let error = run_refused(&["study", "list", study.to_str().unwrap()]);
     let place = format!("error: {}:1:31: in `repeats`: ", study.display());
-    let expected = "expected a whole number from 1 to 1000000, found 99999999999\n";
-    assert!(error.starts_with(&format!("{place}{expected}")), "{error}");
+    assert!(error.starts_with(&place), "{error}");
+    let expected = "expected a whole number from 1 to 100000, found 99999999999\n";
+    assert!(error[place.len()..].starts_with(expected), "{error}");
 }

@@ -70,7 +70,9 @@ fn claims_about_unsolved_runs_are_open() {
     assert_eq!(stdout(&output).matches("\nopen ").count(), 3, "{output:?}");
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
     assert!(
-        table.contains("| 0 (0 to 0), 8 against 8 | 30 | 1.0000 | open |"),
+        table.contains(
+            "| 0 (no interval: all runs have the same value), 8 against 8 | 30 | 1.0000 | open |"
+        ),
         "{table}"
     );
     let page = fs::read_to_string(out.join("report.html")).unwrap();
