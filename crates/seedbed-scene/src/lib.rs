@@ -9,3 +9,7 @@ pub mod body_color;
 pub mod camera;
 pub mod drawing;
 pub mod outline;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

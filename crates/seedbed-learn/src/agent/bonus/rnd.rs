@@ -91,7 +91,7 @@ const FORMULA: &str = "inputs: a continuous action is first scaled to its range,
 
 /// The fixed random network (target) and the predictor of one agent, or its copy of the team's
 /// predictor. Inputs of both are the state and the action of a step.
-pub(crate) struct RndModel {
+struct RndModel {
     config: Rnd,
     encoder: TransitionEncoder,
     target: Mlp,

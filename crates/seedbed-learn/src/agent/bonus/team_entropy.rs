@@ -107,7 +107,7 @@ impl BonusConfig for TeamEntropy {
 }
 
 /// The states of the newest round that states are compared with.
-pub(crate) struct TeamEntropyModel {
+struct TeamEntropyModel {
     config: TeamEntropy,
     width: usize,
     scaling: Scaling,

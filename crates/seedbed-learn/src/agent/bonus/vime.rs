@@ -152,7 +152,7 @@ const FORMULA: &str = "inputs: a continuous action is first scaled to its range,
     information that the step gives about w, nats.";
 
 /// The model of one agent, or its copy of the team's model.
-pub(crate) struct VimeModel {
+struct VimeModel {
     config: Vime,
     dynamics: DynamicsModel,
     /// Seeds `z_k` of the model: `[P]`.
