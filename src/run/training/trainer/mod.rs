@@ -7,6 +7,7 @@ mod from_scenario;
 mod saved;
 
 use std::fmt::{self, Display, Formatter};
+use std::ops::Range;
 use std::path::Path;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -17,7 +18,7 @@ use super::asynchronous::{AsyncConfig, AsyncRollout};
 use super::episode_warning::EpisodeWarning;
 use super::remote_steps::RemoteRounds;
 use super::rollout::{self, CopyGroup, GroupRound, PlayedEpisodes, RoundPlan};
-use super::shared_episodes::{self, SharedEpisodes};
+use super::shared_episodes::SharedEpisodes;
 use crate::run::facts::BodyTrajectory;
 use crate::run::measures::{Measures, RoundRows};
 use crate::run::ranks::Ranks;
@@ -32,10 +33,8 @@ use seedbed_learn::team::{AgentUpdate, Learner, LearningRequest, Team, Workers};
 
 /// The environments, team, shared buffer and measures of a run.
 ///
-/// If the run is divided over [`Ranks`], each rank has a trainer with the environments of its local
-/// agents. All ranks must call the same of its functions in the same order, as long as they advance,
-/// save or read tensors. Rank 0 has the measures, and gets the rows and the saved state of the whole
-/// team; others get parts of them.
+/// If the run is divided over ranks, each has a trainer with the environments of its local agents, which
+/// is advanced by a [`TrainerOnRanks`](super::trainer_on_ranks::TrainerOnRanks).
 pub struct Trainer {
     settings: TrainingSettings,
     spec: TaskSpec,
@@ -76,8 +75,8 @@ pub struct TrainingSettings {
     pub compares_bonuses: bool,
     /// Number of threads for updates; 0 is the number of cores. Results do not depend on it.
     pub threads: usize,
-    /// The processes over which the run is divided. Results do not depend on their number.
-    pub ranks: Ranks,
+    /// The agents that act and learn in this process; `None`: all.
+    pub local_agents: Option<Range<u32>>,
 }
 
 impl Default for TrainingSettings {
@@ -90,7 +89,7 @@ impl Default for TrainingSettings {
             transitions_kept: 0,
             compares_bonuses: false,
             threads: 1,
-            ranks: Ranks::SINGLE,
+            local_agents: None,
         }
     }
 }
@@ -209,7 +208,7 @@ impl Trainer {
         team: Box<dyn Team>,
         settings: TrainingSettings,
     ) -> Self {
-        let local_agents = settings.ranks.local_agents(team.agent_count() as u32);
+        let local_agents = local_agents(&settings, &*team);
         let copies: usize = environments.iter().map(|group| group.copies()).sum();
         assert_eq!(copies, local_agents.len(), "each agent has one copy");
         let (spec, scene) = (environments[0].spec(), environments[0].scene());
@@ -265,12 +264,17 @@ impl Trainer {
     pub fn advance(&mut self) -> Result<Round, Diverged> {
         self.forget_old_episodes();
         let (updates, body_trajectories) = match self.settings.schedule {
-            Schedule::Synchronous { .. } | Schedule::Lockstep { .. } => self.advance_together()?,
+            Schedule::Synchronous { .. } | Schedule::Lockstep { .. } => {
+                let played = self.play_together(RemoteRounds::new(Ranks::SINGLE));
+                self.note_warnings(played.warnings);
+                let updates = self.learn_from(played.episodes.into())?;
+                (updates, played.body_trajectories)
+            }
             Schedule::Asynchronous { training } => {
                 self.advance_asynchronously(training.env_steps)?
             }
         };
-        Ok(self.measure_round(updates, body_trajectories))
+        Ok(self.finish_measured(updates, body_trajectories))
     }
 
     /// Begins a round of concurrent episodes in the copies of a shared world from `first_copy` on.
@@ -316,7 +320,7 @@ impl Trainer {
         let played = rollout::collect_episodes([round]);
         self.note_warnings(played.warnings);
         let updates = self.learn_from(played.episodes.into())?;
-        Ok(self.measure_round(updates, played.body_trajectories))
+        Ok(self.finish_measured(updates, played.body_trajectories))
     }
 
     /// The run seed.
@@ -325,29 +329,39 @@ impl Trainer {
     }
 
     /// The team, which acts in a shared world.
-    pub(super) fn team(&self) -> &dyn Team {
+    pub(in crate::run::training) fn team(&self) -> &dyn Team {
         &*self.team
     }
 
     /// Removes the episodes that are not needed any more, before a round.
-    fn forget_old_episodes(&mut self) {
+    pub(super) fn forget_old_episodes(&mut self) {
         self.buffer.remove_first(self.count_old_episodes());
         self.episodes_before_round = self.buffer.episodes_added();
     }
 
-    fn measure_round(
+    /// Measures and ends a round of all agents.
+    fn finish_measured(
         &mut self,
         updates: Vec<AgentUpdate>,
         body_trajectories: Vec<BodyTrajectory>,
     ) -> Round {
-        let bonus_agreement = self.bonus_agreement().map(|agreement| agreement as f32);
-        if !self.ranks().is_first() {
-            return self.end_round(Round::default());
-        }
+        let agreement = self.bonus_agreement();
+        let round = self.measure_round(updates, body_trajectories, agreement);
+        self.end_round(self.measures_say_done());
+        round
+    }
+
+    /// Measures a round. `bonus_agreement`: see [`bonus_agreement`](Self::bonus_agreement)
+    pub(super) fn measure_round(
+        &mut self,
+        updates: Vec<AgentUpdate>,
+        body_trajectories: Vec<BodyTrajectory>,
+        bonus_agreement: Option<f64>,
+    ) -> Round {
         let (mut reports, mut step_data) = (Vec::new(), Vec::new());
         for AgentUpdate { agent, update, .. } in updates {
             let report = UpdateReport {
-                bonus_agreement,
+                bonus_agreement: bonus_agreement.map(|agreement| agreement as f32),
                 ..update.report
             };
             reports.push((agent, report));
@@ -358,18 +372,17 @@ impl Trainer {
         let rows = self
             .measures
             .add_round(&self.spec, self.round, &episodes, &reports);
-        self.end_round(Round {
+        Round {
             rows,
             step_data,
             body_trajectories,
-        })
+        }
     }
 
-    /// Counts a round, and lets all ranks know whether it was the last one.
-    fn end_round(&mut self, round: Round) -> Round {
+    /// Counts a round. `is_done`: whether it was the last one
+    pub(super) fn end_round(&mut self, is_done: bool) {
         self.round += 1;
-        self.is_done = self.ranks().broadcast(self.measures_say_done());
-        round
+        self.is_done = is_done;
     }
 
     /// Number of the team's first episodes that are not needed any more: all agents have learned
@@ -385,38 +398,26 @@ impl Trainer {
         learned_by_all.min(before_kept)
     }
 
-    /// Every agent plays its episodes of the round; then all agents learn.
-    fn advance_together(&mut self) -> Result<UpdatesAndBodies, Diverged> {
+    /// Every local agent plays its episodes of the round. A team that learns from transitions gets those of
+    /// all agents, in which case all episodes are returned.
+    pub(super) fn play_together(&mut self, remote: RemoteRounds) -> PlayedEpisodes {
         let plan = RoundPlan {
             run_seed: self.settings.run_seed,
             round: self.round,
             episodes: episodes_per_round(self.settings.schedule),
             scene: self.settings.scene.as_ref(),
         };
-        let (workers, ranks) = (Workers::new(self.pool.as_ref()), self.settings.ranks);
+        let workers = Workers::new(self.pool.as_ref());
         let (groups, team) = (&mut self.groups, &mut *self.team);
-        let (episodes, bodies, warnings) = if team.transition_interval().is_some() {
-            let played = rollout::play_and_report(groups, team, &plan, workers, ranks);
-            (
-                played.episodes.into(),
-                played.body_trajectories,
-                played.warnings,
-            )
+        if team.transition_interval().is_some() {
+            rollout::play_and_report(groups, team, &plan, workers, remote)
         } else {
-            let played = rollout::play(groups, team, &plan, workers);
-            let needs_first = self.settings.compares_bonuses;
-            let shared =
-                shared_episodes::share(played.episodes, team, self.round, needs_first, ranks);
-            (shared, played.body_trajectories, played.warnings)
-        };
-        self.note_warnings(warnings);
-        let updates = self.learn_from(episodes)?;
-        Ok((updates, ranks.gather_lists(bodies)))
+            rollout::play(groups, team, &plan, workers)
+        }
     }
 
     /// Keeps the first physics warning of the run.
-    fn note_warnings(&mut self, warnings: Vec<EpisodeWarning>) {
-        let warnings = self.ranks().gather_lists(warnings);
+    pub(super) fn note_warnings(&mut self, warnings: Vec<EpisodeWarning>) {
         if self.physics_warning.is_none() {
             self.physics_warning = warnings.into_iter().min();
         }
@@ -424,46 +425,30 @@ impl Trainer {
 
     /// All agents learn from the episodes of a round.
     fn learn_from(&mut self, episodes: SharedEpisodes) -> Result<Vec<AgentUpdate>, Diverged> {
-        let learned_before = self.buffer.episodes_added();
-        let added = self.add_to_buffer(episodes);
-        self.ranks().agree(added)?;
-        let agents = self.ranks().local_agents(self.team.agent_count() as u32);
-        let learners: Vec<_> = agents
-            .map(|agent| (agent, learned_before, self.round))
-            .collect();
-        let updates = self.learn(&learners);
-        let updates = self.share_updates(updates);
-        self.ranks().agree(self.check_updates(&updates))?;
+        let learned_before = self.episodes_added();
+        self.add_to_buffer(episodes)?;
+        let updates = self.learn_together(learned_before);
+        self.check_updates(&updates)?;
         Ok(updates)
     }
 
-    /// Copies the model that one agent has trained for the team to all ranks, and gives rank 0 the
-    /// updates of all agents.
-    fn share_updates(&mut self, updates: Vec<AgentUpdate>) -> Vec<AgentUpdate> {
-        let ranks = self.ranks();
-        if ranks.is_single() {
-            return updates;
-        }
-        let model = ranks.broadcast(self.team.shared_model());
-        if let (Some(model), false) = (&model, ranks.is_first()) {
-            let workers = Workers::new(self.pool.as_ref());
-            let set = self.team.set_shared_model(model, workers);
-            set.expect("all ranks have the same model");
-        }
-        let mut updates = ranks.gather_lists(updates);
-        if model.is_some() {
-            let error = updates
-                .first()
-                .map(|first| first.update.report.prediction_error);
-            for update in &mut updates {
-                update.update.report.prediction_error = error.flatten();
-            }
-        }
-        updates
+    /// All local agents learn from the team's episodes after the first `learned_before`.
+    pub(super) fn learn_together(&mut self, learned_before: u64) -> Vec<AgentUpdate> {
+        let agents = local_agents(&self.settings, &*self.team);
+        let learners: Vec<_> = agents
+            .map(|agent| (agent, learned_before, self.round))
+            .collect();
+        self.learn(&learners)
     }
 
-    fn ranks(&self) -> Ranks {
-        self.settings.ranks
+    /// Number of the team's episodes so far.
+    pub(super) fn episodes_added(&self) -> u64 {
+        self.buffer.episodes_added()
+    }
+
+    /// Whether the agents have intrinsic rewards whose agreement is measured.
+    pub(super) fn compares_bonuses(&self) -> bool {
+        self.settings.compares_bonuses
     }
 
     /// Agents whose episodes have ended learn while the others continue to play.
@@ -506,7 +491,7 @@ impl Trainer {
     }
 
     /// Checks episodes that ended in the same step, and adds them to the shared buffer.
-    fn add_to_buffer(&mut self, mut shared: SharedEpisodes) -> Result<(), Diverged> {
+    pub(super) fn add_to_buffer(&mut self, mut shared: SharedEpisodes) -> Result<(), Diverged> {
         for episode in &mut shared.episodes {
             check_episode(&self.spec, episode)?;
             episode.round = self.round;
@@ -538,7 +523,7 @@ impl Trainer {
     }
 
     /// Checks that all agents have learned finite parameters.
-    fn check_updates(&self, updates: &[AgentUpdate]) -> Result<(), Diverged> {
+    pub(super) fn check_updates(&self, updates: &[AgentUpdate]) -> Result<(), Diverged> {
         let diverged = updates.iter().find(|update| !update.is_finite);
         diverged.map_or(Ok(()), |diverged| {
             let (agent, round) = (diverged.agent, self.round);
@@ -555,7 +540,7 @@ impl Trainer {
 
     /// Agreement of the agents' intrinsic rewards for the steps of the round's first episode; see
     /// [`agreement`].
-    fn bonus_agreement(&mut self) -> Option<f64> {
+    pub(super) fn bonus_agreement(&mut self) -> Option<f64> {
         if !self.settings.compares_bonuses {
             return None;
         }
@@ -564,7 +549,6 @@ impl Trainer {
             .episodes_after(self.episodes_before_round)
             .first()?;
         let bonuses = self.team.probe_bonuses(probe_episode, self.round);
-        let bonuses = self.settings.ranks.gather_lists(bonuses);
         agreement::mean_rank_correlation(&bonuses)
     }
 
@@ -574,7 +558,7 @@ impl Trainer {
         self.is_done
     }
 
-    fn measures_say_done(&self) -> bool {
+    pub(super) fn measures_say_done(&self) -> bool {
         let stop = &self.settings.stop;
         let ends_when_solved = matches!(stop, Stop::Solved { .. });
         self.has_played_enough() || (ends_when_solved && self.is_solved())
@@ -626,22 +610,14 @@ impl Trainer {
     /// whole team shares with `team.`.
     #[must_use]
     pub fn tensors(&self) -> Vec<Tensor<'_>> {
-        self.gather_tensors(self.team.tensors())
+        self.team.tensors()
     }
 
     /// The agent seeds, with names such as `agent_3.reward_seeds` and
     /// `agent_3.initial.policy.layer_0.weight`.
     #[must_use]
     pub fn initial_tensors(&self) -> Vec<Tensor<'_>> {
-        self.gather_tensors(self.team.initial_tensors())
-    }
-
-    fn gather_tensors<'a>(&self, tensors: Vec<Tensor<'a>>) -> Vec<Tensor<'a>> {
-        if self.ranks().is_single() {
-            return tensors;
-        }
-        let owned: Vec<Tensor<'static>> = tensors.into_iter().map(Tensor::into_owned).collect();
-        self.ranks().gather_lists(owned)
+        self.team.initial_tensors()
     }
 
     /// The newest round's episodes, in (agent, episode) order.
@@ -682,6 +658,12 @@ impl Trainer {
 
 /// The updates of a round in the order in which agents learned, and the recorded bodies.
 type UpdatesAndBodies = (Vec<AgentUpdate>, Vec<BodyTrajectory>);
+
+/// The agents that act and learn in this process.
+fn local_agents(settings: &TrainingSettings, team: &dyn Team) -> Range<u32> {
+    let local = settings.local_agents.clone();
+    local.unwrap_or(0..team.agent_count() as u32)
+}
 
 /// Number of episodes that each agent plays in a round in which all agents begin together.
 fn episodes_per_round(schedule: Schedule) -> u32 {
