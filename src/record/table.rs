@@ -1,7 +1,6 @@
 //! The tables `episodes.csv` and `rounds.csv`. [`TableRecorder`] writes them, [`read`] reads them.
 
-use std::fs::{File, OpenOptions};
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use seedbed_input::limits::{MAX_TABLE_BYTES, read_text};
@@ -10,7 +9,7 @@ use serde::de::DeserializeOwned;
 
 use crate::run::recorder::{Attempt, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo};
 use crate::scenario::recording::RecordingSettings;
-use crate::storage::written::{Written, WrittenFile, WrittenHash};
+use crate::storage::written::{HashedFile, Written, WrittenFile};
 
 /// The tables that a run will write.
 #[derive(Debug)]
@@ -184,16 +183,14 @@ impl Table {
 
     fn flush(&mut self) -> io::Result<Written> {
         self.writer.flush()?;
-        let file = self.writer.get_ref();
-        file.file.sync_data()?;
-        Ok(file.hash.written())
+        self.writer.get_ref().sync()
     }
 
     /// What has been written of the file.
     fn written_file(&self) -> WrittenFile {
         WrittenFile {
             path: self.path.clone(),
-            written: self.writer.get_ref().hash.written(),
+            written: self.writer.get_ref().written(),
         }
     }
 
@@ -203,39 +200,5 @@ impl Table {
             attempt: Attempt::Write,
             reason: error.to_string(),
         }
-    }
-}
-
-/// A file that is written from its beginning to its end, with the hash of what was written.
-struct HashedFile {
-    file: File,
-    hash: WrittenHash,
-}
-
-impl HashedFile {
-    /// Opens a file that begins with what was `written`, and removes the rest.
-    fn open(path: &Path, written: Written) -> io::Result<Self> {
-        let mut file = OpenOptions::new()
-            .create(true)
-            .truncate(false)
-            .read(true)
-            .write(true)
-            .open(path)?;
-        let hash = WrittenHash::of_file(&mut file, written)?;
-        file.set_len(written.length)?;
-        file.seek(SeekFrom::End(0))?;
-        Ok(Self { file, hash })
-    }
-}
-
-impl Write for HashedFile {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let count = self.file.write(bytes)?;
-        self.hash.add(&bytes[..count]);
-        Ok(count)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
     }
 }

@@ -4,11 +4,11 @@
 //! can replace the same file at once; the last one wins.
 
 use std::fs::{self, File};
-use std::io::{ErrorKind, Result, Write};
+use std::io::{ErrorKind, Read, Result, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::incomplete::Incomplete;
-use seedbed_input::limits::check_is_regular;
+use seedbed_input::limits::{check_is_regular, open_regular};
 use tempfile::{NamedTempFile, TempPath};
 
 /// Replaces the file at `path`, which others read as a regular file; see [`Replacement`].
@@ -105,6 +105,48 @@ impl Replacement {
         let (_locked, path) = file.into_parts();
         rename(path, &self.target)?;
         sync_folder_of(&self.target)
+    }
+}
+
+/// Adds to the first `length` bytes of the file at `path`; what follows them is removed. Creates the file and
+/// its folder if there are no such bytes.
+///
+/// # Errors
+/// The operating system reports an error.
+pub(crate) fn append_after(
+    path: &Path,
+    length: u64,
+    write: impl FnOnce(&mut File) -> Result<()>,
+) -> Result<()> {
+    if length == 0 {
+        fs::create_dir_all(folder_of(path))?;
+    }
+    let mut file = File::options()
+        .create(true)
+        .truncate(false)
+        .write(true)
+        .open(path)?;
+    file.set_len(length)?;
+    file.seek(SeekFrom::Start(length))?;
+    write(&mut file)?;
+    file.sync_all()?;
+    sync_folder_of(path)
+}
+
+/// Reads the first `length` bytes of a file.
+///
+/// # Errors
+/// The file is shorter, no regular file, or cannot be read.
+pub(crate) fn read_start(path: &Path, length: u64) -> std::result::Result<Vec<u8>, String> {
+    let file = open_regular(path).map_err(|error| error.to_string())?;
+    let present = file.metadata().map_err(|error| error.to_string())?.len();
+    if present < length {
+        return Err(format!("is too short: it has {present} of {length} bytes"));
+    }
+    let mut bytes = Vec::with_capacity(length as usize);
+    match file.take(length).read_to_end(&mut bytes) {
+        Ok(_) => Ok(bytes),
+        Err(error) => Err(error.to_string()),
     }
 }
 

@@ -1,7 +1,7 @@
 //! How much of a growing file was written at a checkpoint, and whether the file still begins with it.
 
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::fs::{File, OpenOptions};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -100,6 +100,57 @@ impl WrittenHash {
             length: self.length,
             hash: self.hash.digest(),
         }
+    }
+}
+
+/// A file that is written from its beginning to its end, with the hash of what was written.
+pub(crate) struct HashedFile {
+    file: File,
+    hash: WrittenHash,
+}
+
+impl HashedFile {
+    /// Opens a file that begins with what was `written`, and removes the rest.
+    ///
+    /// # Errors
+    /// The file does not begin with it, or cannot be opened.
+    pub(crate) fn open(path: &Path, written: Written) -> io::Result<Self> {
+        let mut file = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .read(true)
+            .write(true)
+            .open(path)?;
+        let hash = WrittenHash::of_file(&mut file, written)?;
+        file.set_len(written.length)?;
+        file.seek(SeekFrom::End(0))?;
+        Ok(Self { file, hash })
+    }
+
+    /// What has been written of the file.
+    pub(crate) fn written(&self) -> Written {
+        self.hash.written()
+    }
+
+    /// Writes everything to the disk; returns what has been written.
+    ///
+    /// # Errors
+    /// The operating system reports an error.
+    pub(crate) fn sync(&self) -> io::Result<Written> {
+        self.file.sync_data()?;
+        Ok(self.written())
+    }
+}
+
+impl Write for HashedFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = self.file.write(bytes)?;
+        self.hash.add(&bytes[..count]);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
     }
 }
 

@@ -1,6 +1,7 @@
 //! `seedbed inspect`: summary of a run.
 
 mod json;
+mod numbers;
 mod text;
 
 use std::collections::{BTreeMap, BTreeSet};

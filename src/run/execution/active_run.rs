@@ -1,28 +1,25 @@
 //! A run between its rounds: playing the next one, checkpoints, and going back to the last whole round.
 
-use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use serde::{Deserialize, Serialize};
-
+use super::build_trainer;
 use super::checkpoint_schedule::CheckpointSchedule;
 use super::checkpoint_writer::{CheckpointWriter, SavedTrainer};
 use super::round_recorder::{CheckpointKind, RoundRecorder};
 use super::stopping::{MAX_REPETITION, RoundDurations};
 use super::{Observer, Options};
-use super::{any_interrupted, build_trainer};
 use crate::run::error::RunError;
 use crate::run::folder::RunFolder;
 use crate::run::folder::checkpoint::Checkpoint;
 use crate::run::plan::Plan;
-use crate::run::training::{Round, Trainer};
+use crate::run::training::{Round, TrainerOnRanks};
 use seedbed_learn::cancellation::Cancellation;
 
 /// A run on rank 0, or in the only process.
 pub(super) struct ActiveRun<'a> {
     pub(super) plan: &'a Plan,
     pub(super) options: &'a Options,
-    pub(super) trainer: Trainer,
+    pub(super) trainer: TrainerOnRanks<'a>,
     pub(super) recorder: RoundRecorder,
     pub(super) checkpoints: CheckpointWriter,
     pub(super) schedule: CheckpointSchedule,
@@ -39,9 +36,8 @@ impl ActiveRun<'_> {
         cancellation: &Cancellation,
         observer: &mut dyn Observer,
     ) -> Result<Option<Round>, RunError> {
-        let (rounds, start) = (self.trainer.rounds(), Instant::now());
-        // A rank that goes back by itself would let the others wait.
-        let goes_back = self.options.ranks.is_single();
+        let (rounds, start) = (self.trainer.local().rounds(), Instant::now());
+        let goes_back = self.trainer.can_go_back();
         let saved = if goes_back && self.durations.may_be_long() {
             Some(self.checkpoints.save(&self.trainer)?)
         } else {
@@ -71,7 +67,7 @@ impl ActiveRun<'_> {
     }
 
     fn warn_of_physics(&mut self, observer: &mut dyn Observer) {
-        if let (Some(warning), false) = (self.trainer.physics_warning(), self.has_warned) {
+        if let (Some(warning), false) = (self.trainer.local().physics_warning(), self.has_warned) {
             observer.warn(&warning.to_string());
             self.has_warned = true;
         }
@@ -91,11 +87,12 @@ impl ActiveRun<'_> {
             return Ok(self.checkpoints.commit(saved, recorders)?);
         }
         let (start, folder) = (Instant::now(), self.options.folder.path());
-        self.trainer = build_trainer(self.plan, self.options)?;
+        let mut trainer = build_trainer(self.plan, self.options)?;
         if RunFolder::new(folder).checkpoint_file().is_file() {
-            self.checkpoints = Checkpoint::read(folder)?.restore(folder, &mut self.trainer)?;
+            self.checkpoints = Checkpoint::read(folder)?.restore(folder, &mut trainer)?;
         }
-        while self.trainer.rounds() < rounds {
+        self.trainer.go_back_to(trainer);
+        while self.trainer.local().rounds() < rounds {
             if start.elapsed() >= max_duration {
                 return Ok(());
             }
@@ -105,24 +102,14 @@ impl ActiveRun<'_> {
     }
 
     /// Writes a checkpoint if it is time or if the run is interrupted; returns whether it is interrupted.
-    pub(super) fn checkpoint_if_due(&mut self, interrupted: &AtomicBool) -> Result<bool, RunError> {
-        let trainer = &self.trainer;
-        let is_interrupted = any_interrupted(self.options, interrupted) && !trainer.is_done();
-        let is_due = self.schedule.is_due(trainer.rounds(), Instant::now());
-        let AfterRound {
-            is_saved,
-            is_interrupted,
-        } = self.options.ranks.broadcast(AfterRound {
-            is_saved: is_interrupted || is_due,
-            is_interrupted,
-        });
-        if is_saved {
-            let start = Instant::now();
-            self.write_checkpoint(if is_interrupted {
-                CheckpointKind::AtEnd
-            } else {
-                CheckpointKind::Meanwhile
-            })?;
+    pub(super) fn checkpoint_if_due(&mut self) -> Result<bool, RunError> {
+        let trainer = self.trainer.local();
+        let is_interrupted = self.trainer.is_interrupted() && !trainer.is_done();
+        let start = Instant::now();
+        if is_interrupted {
+            self.write_checkpoint(CheckpointKind::AtEnd)?;
+        } else if self.schedule.is_due(trainer.rounds(), start) {
+            self.write_checkpoint(CheckpointKind::Meanwhile)?;
             self.schedule.written(start);
         }
         Ok(is_interrupted)
@@ -132,11 +119,4 @@ impl ActiveRun<'_> {
         let states = self.recorder.checkpoint(kind)?;
         Ok(self.checkpoints.write(&self.trainer, states)?)
     }
-}
-
-/// What rank 0 decides after a round.
-#[derive(Clone, Copy, Default, Serialize, Deserialize)]
-pub(super) struct AfterRound {
-    pub(super) is_saved: bool,
-    pub(super) is_interrupted: bool,
 }

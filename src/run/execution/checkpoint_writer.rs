@@ -6,7 +6,7 @@ use super::replay_file::ReplayFile;
 use super::round_recorder::RecorderStates;
 use crate::run::folder::RunFolder;
 use crate::run::folder::checkpoint::{Checkpoint, CheckpointError, StoredTransitions};
-use crate::run::training::Trainer;
+use crate::run::training::{Trainer, TrainerOnRanks};
 use crate::storage::written::{Written, WrittenFile};
 
 /// Writes the checkpoints of a run.
@@ -47,7 +47,7 @@ impl CheckpointWriter {
     /// A file cannot be written; then the old checkpoint is kept.
     pub(super) fn write(
         &mut self,
-        trainer: &Trainer,
+        trainer: &TrainerOnRanks<'_>,
         recorders: RecorderStates,
     ) -> Result<(), CheckpointError> {
         let saved = self.save(trainer)?;
@@ -58,10 +58,13 @@ impl CheckpointWriter {
     ///
     /// # Errors
     /// The replay buffer cannot be stored.
-    pub(super) fn save(&mut self, trainer: &Trainer) -> Result<SavedTrainer, CheckpointError> {
-        let replay = trainer.replay();
+    pub(super) fn save(
+        &mut self,
+        trainer: &TrainerOnRanks<'_>,
+    ) -> Result<SavedTrainer, CheckpointError> {
+        let replay = trainer.local().replay();
         Ok(SavedTrainer {
-            rounds: trainer.rounds(),
+            rounds: trainer.local().rounds(),
             trainer: trainer.save(),
             replay: replay
                 .map(|replay| self.replay_file.write(replay))

@@ -9,22 +9,21 @@ use crate::run::facts::Summary;
 use crate::run::folder::RunFolder;
 use crate::run::folder::checksums::NewChecksums;
 use crate::run::plan::Plan;
-use crate::run::training::Trainer;
+use crate::run::training::TrainerOnRanks;
 use crate::run::weights;
 use crate::storage::files;
-use seedbed_learn::nn::Tensor;
 
 /// Completes the files of a finished run, whose checkpoint has been written. The summary is written
 /// last, because its presence marks a finished run, whose checksums are known.
 pub(super) fn finish(
     plan: &Plan,
     options: &Options,
-    trainer: &Trainer,
+    trainer: &TrainerOnRanks<'_>,
     recorder: &mut RoundRecorder,
 ) -> Result<RunOutcome, RunError> {
     recorder.finish()?;
     write_policies(plan, options, trainer)?;
-    let summary = Summary::of(&plan.name, plan.scenario.seed, trainer);
+    let summary = Summary::of(&plan.name, plan.scenario.seed, trainer.local());
     let text = serde_json::to_string_pretty(&summary).map_err(std::io::Error::other);
     let path = options.folder.summary_file();
     let text = text.map_err(|error| RunError::File {
@@ -51,20 +50,19 @@ pub(crate) fn write_checksums_of_results(
     write_checksums(&sums, folder)
 }
 
-fn write_policies(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<(), RunError> {
+fn write_policies(
+    plan: &Plan,
+    options: &Options,
+    trainer: &TrainerOnRanks<'_>,
+) -> Result<(), RunError> {
     let path = options.folder.policies_file();
-    let tensors = gather_tensors(options, trainer);
-    weights::write(&path, &tensors, &weights::metadata(plan, trainer.spec()))
-        .map_err(|error| RunError::File { path, error })
-}
-
-/// The tensors that are saved at the end of a run.
-pub(super) fn gather_tensors<'a>(options: &Options, trainer: &'a Trainer) -> Vec<Tensor<'a>> {
-    let mut tensors = trainer.tensors();
-    if options.save_initial {
-        tensors.extend(trainer.initial_tensors());
-    }
-    tensors
+    let tensors = trainer.tensors(options.save_initial);
+    weights::write(
+        &path,
+        &tensors,
+        &weights::metadata(plan, trainer.local().spec()),
+    )
+    .map_err(|error| RunError::File { path, error })
 }
 
 pub(super) fn replace_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {

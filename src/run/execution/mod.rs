@@ -15,13 +15,13 @@ mod round_recorder;
 mod same_run;
 pub(crate) mod stopping;
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-use self::active_run::{ActiveRun, AfterRound};
+use self::active_run::ActiveRun;
 use self::checkpoint_schedule::CheckpointSchedule;
 use self::checkpoint_writer::CheckpointWriter;
+use self::ending::finish;
 pub(crate) use self::ending::write_checksums_of_results;
-use self::ending::{finish, gather_tensors};
 pub use self::progress::{Observer, Options, Progress, RecorderFactories, RunOutcome};
 use self::resume::{create_recorders, resume_run};
 pub(super) use self::round_recorder::RoundRecorder;
@@ -30,7 +30,7 @@ use self::stopping::RoundDurations;
 use crate::run::error::RunError;
 use crate::run::folder::checkpoint::Checkpoint;
 use crate::run::plan::Plan;
-use crate::run::training::Trainer;
+use crate::run::training::{Trainer, TrainerOnRanks};
 use seedbed_input::InputError;
 use seedbed_learn::cancellation::Cancellation;
 
@@ -95,36 +95,40 @@ fn lead(
     let Some(begun) = cancellation.run(begin) else {
         return Ok(RunOutcome::Interrupted { rounds: 0 });
     };
-    let (trainer, recorders, checkpoints) = options.ranks.agree(begun)?;
+    let (trainer, (recorders, checkpoints)) =
+        TrainerOnRanks::begin(begun, options.ranks, interrupted)?;
     let mut run = ActiveRun {
         plan,
         options,
-        recorder: RoundRecorder::new(recorders, trainer.agent_count(), options.threads),
+        recorder: RoundRecorder::new(recorders, trainer.local().agent_count(), options.threads),
         trainer,
         checkpoints,
         schedule: CheckpointSchedule::of(&plan.scenario),
         durations: RoundDurations::new(),
         has_warned: false,
     };
-    observer.begun(&Progress::of(plan, &run.trainer));
-    while !run.trainer.is_done() {
+    observer.begun(&Progress::of(plan, run.trainer.local()));
+    while !run.trainer.local().is_done() {
         let Some(round) = run.play_round(cancellation, observer)? else {
             let rounds = run.checkpoints.newest_rounds();
             return Ok(RunOutcome::Interrupted { rounds });
         };
-        let rounds = run.trainer.rounds();
-        let episodes = run.trainer.newest_episodes();
+        let trainer = run.trainer.local();
+        let (rounds, episodes) = (trainer.rounds(), trainer.newest_episodes());
         run.recorder.record(rounds - 1, &episodes, round)?;
         report_warnings(&mut run.recorder, observer);
-        observer.round_finished(&Progress::of(plan, &run.trainer));
-        if run.checkpoint_if_due(interrupted)? {
+        observer.round_finished(&Progress::of(plan, run.trainer.local()));
+        if run.checkpoint_if_due()? {
+            run.trainer.end();
             return Ok(RunOutcome::Interrupted { rounds });
         }
     }
     let checkpoint = run.write_checkpoint(CheckpointKind::AtEnd);
     let ending = checkpoint.and_then(|()| finish(plan, options, &run.trainer, &mut run.recorder));
     report_warnings(&mut run.recorder, observer);
-    ending
+    let outcome = ending?;
+    run.trainer.end();
+    Ok(outcome)
 }
 
 /// Plays and learns for the agents of a rank that does not record.
@@ -133,20 +137,9 @@ fn follow(
     options: &Options,
     interrupted: &AtomicBool,
 ) -> Result<RunOutcome, RunError> {
-    let mut trainer = options.ranks.agree(begin_to_follow(plan, options))?;
-    while !trainer.is_done() {
-        trainer.advance()?;
-        any_interrupted(options, interrupted);
-        let after = options.ranks.broadcast(AfterRound::default());
-        if after.is_saved {
-            let _own_part = trainer.save();
-        }
-        if after.is_interrupted {
-            return Ok(RunOutcome::Elsewhere);
-        }
-    }
-    let _own_part = trainer.save();
-    let _own_part = gather_tensors(options, &trainer);
+    let begun = begin_to_follow(plan, options).map(|trainer| (trainer, ()));
+    let (trainer, ()) = TrainerOnRanks::begin(begun, options.ranks, interrupted)?;
+    trainer.follow()?;
     Ok(RunOutcome::Elsewhere)
 }
 
@@ -161,34 +154,26 @@ fn begin_to_follow(plan: &Plan, options: &Options) -> Result<Trainer, RunError> 
     Ok(trainer)
 }
 
-/// Whether any rank was asked to stop.
-fn any_interrupted(options: &Options, interrupted: &AtomicBool) -> bool {
-    let interrupted = options
-        .ranks
-        .all_gather(interrupted.load(Ordering::Relaxed));
-    interrupted.contains(&true)
-}
-
 fn build_trainer(plan: &Plan, options: &Options) -> Result<Trainer, InputError> {
     let Options { threads, ranks, .. } = options;
     Trainer::on_ranks(&plan.scenario, &plan.description, *threads, *ranks)
 }
 
-/// The trainer, the recorders and the writer of checkpoints of a new run or a run to resume.
+/// The trainer, and the recorders and the writer of checkpoints of a new run or a run to resume.
 fn begin(
     plan: &Plan,
     options: &Options,
     recorder_factories: RecorderFactories,
     observer: &mut dyn Observer,
-) -> Result<(Trainer, Recorders, CheckpointWriter), RunError> {
+) -> Result<(Trainer, (Recorders, CheckpointWriter)), RunError> {
     let mut trainer = build_trainer(plan, options)?;
-    let (recorders, checkpoints) = if options.resume {
+    let begun = if options.resume {
         resume_run(plan, options, recorder_factories, &mut trainer, observer)?
     } else {
         let recorders = create_recorders(plan, options, recorder_factories, &trainer)?;
         (recorders, CheckpointWriter::new(options.folder.path()))
     };
-    Ok((trainer, recorders, checkpoints))
+    Ok((trainer, begun))
 }
 
 fn report_warnings(recorder: &mut RoundRecorder, observer: &mut dyn Observer) {

@@ -5,16 +5,14 @@
 //! that was never completed. When more than half of the transitions in the file have left the replay
 //! buffer, the next checkpoint begins a new file.
 
-use std::fs::{self, File};
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::fs;
+use std::io::{self, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use xxhash_rust::xxh64::Xxh64;
-
 use crate::run::folder::checkpoint::{CheckpointError, StoredTransitions};
 use crate::storage::files;
-use seedbed_input::limits::open_regular;
+use crate::storage::written::WrittenHash;
 use seedbed_learn::experience::replay::Replay;
 
 /// Number of transitions that are encoded at once.
@@ -29,7 +27,7 @@ pub(super) struct ReplayFile {
     /// run was begun or resumed.
     in_checkpoints: [Option<StoredTransitions>; 2],
     /// Hash of the stored transitions.
-    hash: Xxh64,
+    hash: WrittenHash,
 }
 
 impl ReplayFile {
@@ -39,7 +37,7 @@ impl ReplayFile {
             folder,
             stored: None,
             in_checkpoints: [None, None],
-            hash: Xxh64::new(0),
+            hash: WrittenHash::new(),
         }
     }
 
@@ -49,14 +47,14 @@ impl ReplayFile {
         let numbers = replay.numbers();
         let (old, mut hash) = match self.stored {
             Some(stored) if is_worth_keeping(&stored, &numbers) => (stored, self.hash.clone()),
-            stored => (new_file(stored, numbers.start), Xxh64::new(0)),
+            stored => (new_file(stored, numbers.start), WrittenHash::new()),
         };
         let path = path(&self.folder, old.file);
         append(&path, &old, replay, &mut hash)
             .map_err(|error| failure(&path, &error.to_string()))?;
         let stored = StoredTransitions {
             count: numbers.end - old.first,
-            checksum: hash.digest(),
+            checksum: hash.written().hash,
             ..old
         };
         self.stored = Some(stored);
@@ -75,10 +73,10 @@ impl ReplayFile {
     ) -> Result<Self, CheckpointError> {
         let path = path(&folder, stored.file);
         let length = stored.count.saturating_mul(replay.encoded_length() as u64);
-        let bytes = read_start(&path, length).map_err(|reason| failure(&path, &reason))?;
-        let mut hash = Xxh64::new(0);
-        hash.update(&bytes);
-        if hash.digest() != stored.checksum {
+        let bytes = files::read_start(&path, length).map_err(|reason| failure(&path, &reason))?;
+        let mut hash = WrittenHash::new();
+        hash.add(&bytes);
+        if hash.written().hash != stored.checksum {
             return Err(failure(&path, "is damaged: it has another checksum"));
         }
         let count = stored.end().min(replay.capacity() as u64);
@@ -142,45 +140,22 @@ fn append(
     path: &Path,
     old: &StoredTransitions,
     replay: &Replay,
-    hash: &mut Xxh64,
+    hash: &mut WrittenHash,
 ) -> io::Result<()> {
-    if let Some(folder) = path.parent().filter(|_| old.count == 0) {
-        fs::create_dir_all(folder)?;
-    }
-    let mut file = File::options()
-        .create(true)
-        .truncate(false)
-        .write(true)
-        .open(path)?;
     // After the old transitions there may be some of a checkpoint that was never completed.
     let length = old.count * replay.encoded_length() as u64;
-    file.set_len(length)?;
-    file.seek(SeekFrom::Start(length))?;
-    let (mut next, end, mut bytes) = (old.end(), replay.numbers().end, Vec::new());
-    while next < end {
-        let part = next..end.min(next + TRANSITIONS_AT_ONCE);
-        bytes.clear();
-        replay.encode(part.clone(), &mut bytes);
-        hash.update(&bytes);
-        file.write_all(&bytes)?;
-        next = part.end;
-    }
-    file.sync_all()?;
-    files::sync_folder_of(path)
-}
-
-/// Reads the first `length` bytes of a file.
-fn read_start(path: &Path, length: u64) -> Result<Vec<u8>, String> {
-    let file = open_regular(path).map_err(|error| error.to_string())?;
-    let present = file.metadata().map_err(|error| error.to_string())?.len();
-    if present < length {
-        return Err(format!("is too short: it has {present} of {length} bytes"));
-    }
-    let mut bytes = Vec::with_capacity(length as usize);
-    match file.take(length).read_to_end(&mut bytes) {
-        Ok(_) => Ok(bytes),
-        Err(error) => Err(error.to_string()),
-    }
+    files::append_after(path, length, |file| {
+        let (mut next, end, mut bytes) = (old.end(), replay.numbers().end, Vec::new());
+        while next < end {
+            let part = next..end.min(next + TRANSITIONS_AT_ONCE);
+            bytes.clear();
+            replay.encode(part.clone(), &mut bytes);
+            hash.add(&bytes);
+            file.write_all(&bytes)?;
+            next = part.end;
+        }
+        Ok(())
+    })
 }
 
 fn path(folder: &Path, file: u64) -> PathBuf {

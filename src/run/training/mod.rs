@@ -2,7 +2,8 @@
 //!
 //! A [`Trainer`] holds environments, team and shared buffer; `rollout` plays the episodes of a round,
 //! `asynchronous` those without a common start and end; [`shared_world`] plays several runs in the
-//! copies of one environment. `shared_episodes` and `remote_steps` are what ranks exchange. Must not
+//! copies of one environment. Of a run that is divided over ranks, `trainer_on_ranks` and `team_on_ranks`
+//! exchange what all need; `shared_episodes` and `remote_steps` are its parts. Must not
 //! depend on files.
 
 mod agent_round;
@@ -15,11 +16,14 @@ mod rollout;
 mod shared_episodes;
 pub mod shared_world;
 mod summary;
+mod team_on_ranks;
 mod trainer;
+mod trainer_on_ranks;
 
 pub use self::episode_warning::EpisodeWarning;
 pub use self::rollout::{PlayedEpisodes, RoundPlan};
 pub use self::trainer::{Diverged, NonFinite, Round, Trainer, TrainingSettings};
+pub use self::trainer_on_ranks::TrainerOnRanks;
 
 /// The number of threads that a setting stands for: 0 is the number of cores.
 #[must_use]

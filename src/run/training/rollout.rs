@@ -12,7 +12,6 @@ use super::episode_slots::EpisodeSlots;
 use super::episode_warning::EpisodeWarning;
 use super::remote_steps::{PlayedSteps, RemoteRounds};
 use crate::run::facts::BodyTrajectory;
-use crate::run::ranks::Ranks;
 use crate::scenario::recording::SceneSettings;
 use seedbed_env::Environment;
 use seedbed_learn::cancellation::cancellation_point;
@@ -70,11 +69,10 @@ pub(super) fn play_and_report(
     team: &mut dyn Team,
     plan: &RoundPlan<'_>,
     workers: Workers<'_>,
-    ranks: Ranks,
+    mut remote: RemoteRounds,
 ) -> PlayedEpisodes {
     team.begin_round(plan.round);
     let mut playing = begin_groups(groups, plan);
-    let mut remote = RemoteRounds::new(ranks);
     let mut is_over = false;
     while !is_over {
         let (reader, interval): (&dyn Team, _) = (team, team.transition_interval());

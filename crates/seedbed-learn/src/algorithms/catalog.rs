@@ -59,6 +59,9 @@ impl AlgorithmInfo {
 }
 
 /// Every field of a configuration, with the values of `default` as defaults.
+///
+/// # Panics
+/// Never: what is written can be read.
 #[must_use]
 pub fn parameters<T: JsonSchema + Serialize>(default: &T) -> Vec<Parameter> {
     let schemas = Schemas::of::<T>();

@@ -2,6 +2,7 @@
 
 use super::{Trainer, TrainingSettings};
 use crate::run::ranks::Ranks;
+use crate::run::training::team_on_ranks::team_on_ranks;
 use crate::run::training::thread_count;
 use crate::scenario::{Scenario, Schedule, StepsOf};
 use seedbed_env::{Physics, TaskDescription, TaskSpec, build};
@@ -40,8 +41,9 @@ impl Trainer {
             .map(|copies| build(&description, scenario.physics, copies))
             .collect::<Result<Vec<_>, _>>()?;
         let team = build_team(scenario, description.spec(), ranks);
+        let team = team_on_ranks(team, ranks);
         let settings = TrainingSettings {
-            ranks,
+            local_agents: Some(ranks.local_agents(scenario.agents.count.get())),
             ..training_settings(scenario, threads)
         };
         Ok(Self::with_groups(environments, team, settings))
@@ -83,7 +85,7 @@ fn training_settings(scenario: &Scenario, threads: usize) -> TrainingSettings {
         compares_bonuses: scenario.algorithm.largest_intrinsic_reward().is_some()
             && !bonus.is_some_and(Bonus::is_same_for_all_agents),
         threads,
-        ranks: Ranks::SINGLE,
+        local_agents: None,
     }
 }
 

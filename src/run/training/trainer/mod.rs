@@ -3,40 +3,34 @@
 //! A [`Trainer`] is built from any [`Environment`] and any [`Team`] ([`Trainer::new`]), or from a
 //! scenario ([`Trainer::from_scenario`]).
 
+mod diverged;
 mod from_scenario;
+mod rounds;
 mod saved;
 
-use std::fmt::{self, Display, Formatter};
-use std::path::Path;
+use std::ops::Range;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+pub use self::diverged::{Diverged, NonFinite};
 pub(super) use self::from_scenario::shares_rapier_world;
-use super::agreement;
-use super::asynchronous::{AsyncConfig, AsyncRollout};
+use super::asynchronous::AsyncRollout;
 use super::episode_warning::EpisodeWarning;
-use super::remote_steps::RemoteRounds;
-use super::rollout::{self, CopyGroup, GroupRound, PlayedEpisodes, RoundPlan};
-use super::shared_episodes::{self, SharedEpisodes};
+use super::rollout::CopyGroup;
 use crate::run::facts::BodyTrajectory;
 use crate::run::measures::{Measures, RoundRows};
-use crate::run::ranks::Ranks;
 use crate::scenario::recording::SceneSettings;
 use crate::scenario::{Schedule, Stop, Threshold};
-use seedbed_env::file::find_field;
 use seedbed_env::{Environment, Scene, TaskSpec};
-use seedbed_learn::agent::UpdateReport;
 use seedbed_learn::experience::replay::Replay;
 use seedbed_learn::experience::{Episode, SharedBuffer, StepData};
 use seedbed_learn::nn::Tensor;
-use seedbed_learn::team::{AgentUpdate, Learner, LearningRequest, Team, Workers};
+use seedbed_learn::team::Team;
 
 /// The environments, team, shared buffer and measures of a run.
 ///
-/// If the run is divided over [`Ranks`], each rank has a trainer with the environments of its local
-/// agents. All ranks must call the same of its functions in the same order, as long as they advance,
-/// save or read tensors. Rank 0 has the measures, and gets the rows and the saved state of the whole
-/// team; others get parts of them.
+/// If the run is divided over ranks, each has a trainer with the environments of its local agents, which
+/// is advanced by a [`TrainerOnRanks`](super::trainer_on_ranks::TrainerOnRanks).
 pub struct Trainer {
     settings: TrainingSettings,
     spec: TaskSpec,
@@ -77,8 +71,8 @@ pub struct TrainingSettings {
     pub compares_bonuses: bool,
     /// Number of threads for updates; 0 is the number of cores. Results do not depend on it.
     pub threads: usize,
-    /// The processes over which the run is divided. Results do not depend on their number.
-    pub ranks: Ranks,
+    /// The agents that act and learn in this process; `None`: all.
+    pub local_agents: Option<Range<u32>>,
 }
 
 impl Default for TrainingSettings {
@@ -91,7 +85,7 @@ impl Default for TrainingSettings {
             transitions_kept: 0,
             compares_bonuses: false,
             threads: 1,
-            ranks: Ranks::SINGLE,
+            local_agents: None,
         }
     }
 }
@@ -106,81 +100,6 @@ pub struct Round {
     pub step_data: Vec<StepData>,
     /// The recorded bodies.
     pub body_trajectories: Vec<BodyTrajectory>,
-}
-
-/// Training cannot continue because a number is not finite.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Diverged {
-    /// An observation or a reward is not finite.
-    #[error(
-        "non-finite {what} (agent {agent}, episode {episode}, step {step}): {value}, after the \
-         observation {observation}; {place}"
-    )]
-    Simulation {
-        /// The agent.
-        agent: u32,
-        /// Number of the agent's episode, from 0.
-        episode: u32,
-        /// Number of the step that leads to it, from 0; that of an episode's first observation is 0,
-        /// too.
-        step: usize,
-        /// The name of the observation, or `reward`.
-        what: NonFinite,
-        /// The number.
-        value: String,
-        /// The observation before: each name with its value.
-        observation: String,
-        /// Where its formula is, or what to check.
-        place: String,
-    },
-    /// A parameter of a network is not finite.
-    #[error(
-        "non-finite network parameters (agent {agent}, round {round}): the algorithm's step sizes \
-         or the deviation of `agents.seeds` are too large"
-    )]
-    Learning {
-        /// The agent that learned.
-        agent: u32,
-        /// Number of the round, from 0.
-        round: u32,
-    },
-}
-
-/// What is not finite.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum NonFinite {
-    /// The observation of this name.
-    Observation(String),
-    /// The reward.
-    Reward,
-}
-
-impl Display for NonFinite {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Observation(name) => write!(formatter, "observation `{name}`"),
-            Self::Reward => formatter.write_str("reward"),
-        }
-    }
-}
-
-impl Diverged {
-    /// The error with the place of the formula in `text`, the text of the task's file at `path`.
-    #[must_use]
-    pub fn located_in(mut self, path: &Path, text: &str) -> Self {
-        if let Self::Simulation { what, place, .. } = &mut self {
-            let (field, entry) = match what {
-                NonFinite::Observation(name) => ("observations", Some(name.as_str())),
-                NonFinite::Reward => ("reward", None),
-            };
-            if let Some(found) = find_field(text, field, entry) {
-                let path = path.display();
-                let (line, column) = (found.line, found.column);
-                *place = format!("check `{field}` in {path}:{line}:{column}: {}", found.value);
-            }
-        }
-        self
-    }
 }
 
 impl Trainer {
@@ -210,7 +129,7 @@ impl Trainer {
         team: Box<dyn Team>,
         settings: TrainingSettings,
     ) -> Self {
-        let local_agents = settings.ranks.local_agents(team.agent_count() as u32);
+        let local_agents = local_agents(&settings, &*team);
         let copies: usize = environments.iter().map(|group| group.copies()).sum();
         assert_eq!(copies, local_agents.len(), "each agent has one copy");
         let (spec, scene) = (environments[0].spec(), environments[0].scene());
@@ -256,317 +175,14 @@ impl Trainer {
         trainer
     }
 
-    /// Plays a round of concurrent episodes, lets every agent learn from all of them, and measures
-    /// the result.
-    ///
-    /// An asynchronous round ends when as many episodes have ended as there are agents.
-    ///
-    /// # Errors
-    /// An observation, a reward or a network's parameters are not finite.
-    pub fn advance(&mut self) -> Result<Round, Diverged> {
-        self.forget_old_episodes();
-        let (updates, body_trajectories) = match self.settings.schedule {
-            Schedule::Synchronous { .. } | Schedule::Lockstep { .. } => self.advance_together()?,
-            Schedule::Asynchronous { training } => {
-                self.advance_asynchronously(training.env_steps)?
-            }
-        };
-        Ok(self.measure_round(updates, body_trajectories))
-    }
-
-    /// Begins a round of concurrent episodes in the copies of a shared world from `first_copy` on.
-    pub(super) fn begin_round_in(
-        &mut self,
-        environment: &mut dyn Environment,
-        first_copy: usize,
-    ) -> GroupRound<'static> {
-        self.forget_old_episodes();
-        self.team.begin_round(self.round);
-        let agents = 0..self.team.agent_count() as u32;
-        let plan = RoundPlan {
-            run_seed: self.settings.run_seed,
-            round: self.round,
-            episodes: episodes_per_round(self.settings.schedule),
-            scene: None,
-        };
-        GroupRound::begin(environment, agents, first_copy, plan)
-    }
-
-    /// Adds the result of the latest step to a round that began in a shared world. A team that
-    /// learns from transitions gets those that are due.
-    pub(super) fn observe_in(
-        &mut self,
-        environment: &mut dyn Environment,
-        round: &mut GroupRound<'_>,
-    ) {
-        let interval = self.team.transition_interval();
-        round.observe(environment, interval.is_some());
-        let is_due = |interval| round.unreported_steps() >= interval || round.is_over();
-        if interval.is_some_and(is_due) {
-            let (workers, team) = (Workers::new(self.pool.as_ref()), &mut *self.team);
-            let mut remote = RemoteRounds::new(Ranks::SINGLE);
-            rollout::report_transitions(&mut [round], &mut remote, team, workers);
-        }
-    }
-
-    /// Lets every agent learn from a round that was played in a shared world, and measures it.
-    ///
-    /// # Errors
-    /// An observation, a reward or a network's parameters are not finite.
-    pub(super) fn finish_round(&mut self, round: GroupRound<'_>) -> Result<Round, Diverged> {
-        let played = rollout::collect_episodes([round]);
-        self.note_warnings(played.warnings);
-        let updates = self.learn_from(played.episodes.into())?;
-        Ok(self.measure_round(updates, played.body_trajectories))
-    }
-
     /// The run seed.
     pub(super) fn run_seed(&self) -> u64 {
         self.settings.run_seed
     }
 
     /// The team, which acts in a shared world.
-    pub(super) fn team(&self) -> &dyn Team {
+    pub(in crate::run::training) fn team(&self) -> &dyn Team {
         &*self.team
-    }
-
-    /// Removes the episodes that are not needed any more, before a round.
-    fn forget_old_episodes(&mut self) {
-        self.buffer.remove_first(self.count_old_episodes());
-        self.episodes_before_round = self.buffer.episodes_added();
-    }
-
-    fn measure_round(
-        &mut self,
-        updates: Vec<AgentUpdate>,
-        body_trajectories: Vec<BodyTrajectory>,
-    ) -> Round {
-        let bonus_agreement = self.bonus_agreement().map(|agreement| agreement as f32);
-        if !self.ranks().is_first() {
-            return self.end_round(Round::default());
-        }
-        let (mut reports, mut step_data) = (Vec::new(), Vec::new());
-        for AgentUpdate { agent, update, .. } in updates {
-            let report = UpdateReport {
-                bonus_agreement,
-                ..update.report
-            };
-            reports.push((agent, report));
-            step_data.extend(update.step_data);
-        }
-        step_data.sort_by_key(|data| (data.agent, data.episode));
-        let episodes = newest_episodes(&self.buffer, self.episodes_before_round);
-        let rows = self
-            .measures
-            .add_round(&self.spec, self.round, &episodes, &reports);
-        self.end_round(Round {
-            rows,
-            step_data,
-            body_trajectories,
-        })
-    }
-
-    /// Counts a round, and lets all ranks know whether it was the last one.
-    fn end_round(&mut self, round: Round) -> Round {
-        self.round += 1;
-        self.is_done = self.ranks().broadcast(self.measures_say_done());
-        round
-    }
-
-    /// Number of the team's first episodes that are not needed any more: all agents have learned
-    /// from them, and they have none of the transitions to keep.
-    fn count_old_episodes(&self) -> u64 {
-        let learned_by_all = self
-            .rollout
-            .as_ref()
-            .map_or(u64::MAX, AsyncRollout::learned_by_all);
-        let before_kept = self
-            .buffer
-            .count_before_newest(self.settings.transitions_kept);
-        learned_by_all.min(before_kept)
-    }
-
-    /// Every agent plays its episodes of the round; then all agents learn.
-    fn advance_together(&mut self) -> Result<UpdatesAndBodies, Diverged> {
-        let plan = RoundPlan {
-            run_seed: self.settings.run_seed,
-            round: self.round,
-            episodes: episodes_per_round(self.settings.schedule),
-            scene: self.settings.scene.as_ref(),
-        };
-        let (workers, ranks) = (Workers::new(self.pool.as_ref()), self.settings.ranks);
-        let (groups, team) = (&mut self.groups, &mut *self.team);
-        let (episodes, bodies, warnings) = if team.transition_interval().is_some() {
-            let played = rollout::play_and_report(groups, team, &plan, workers, ranks);
-            (
-                played.episodes.into(),
-                played.body_trajectories,
-                played.warnings,
-            )
-        } else {
-            let played = rollout::play(groups, team, &plan, workers);
-            let needs_first = self.settings.compares_bonuses;
-            let shared =
-                shared_episodes::share(played.episodes, team, self.round, needs_first, ranks);
-            (shared, played.body_trajectories, played.warnings)
-        };
-        self.note_warnings(warnings);
-        let updates = self.learn_from(episodes)?;
-        Ok((updates, ranks.gather_lists(bodies)))
-    }
-
-    /// Keeps the first physics warning of the run.
-    fn note_warnings(&mut self, warnings: Vec<EpisodeWarning>) {
-        let warnings = self.ranks().gather_lists(warnings);
-        if self.physics_warning.is_none() {
-            self.physics_warning = warnings.into_iter().min();
-        }
-    }
-
-    /// All agents learn from the episodes of a round.
-    fn learn_from(&mut self, episodes: SharedEpisodes) -> Result<Vec<AgentUpdate>, Diverged> {
-        let learned_before = self.buffer.episodes_added();
-        let added = self.add_to_buffer(episodes);
-        self.ranks().agree(added)?;
-        let agents = self.ranks().local_agents(self.team.agent_count() as u32);
-        let learners: Vec<_> = agents
-            .map(|agent| (agent, learned_before, self.round))
-            .collect();
-        let updates = self.learn(&learners);
-        let updates = self.share_updates(updates);
-        self.ranks().agree(self.check_updates(&updates))?;
-        Ok(updates)
-    }
-
-    /// Copies the model that one agent has trained for the team to all ranks, and gives rank 0 the
-    /// updates of all agents.
-    fn share_updates(&mut self, updates: Vec<AgentUpdate>) -> Vec<AgentUpdate> {
-        let ranks = self.ranks();
-        if ranks.is_single() {
-            return updates;
-        }
-        let model = ranks.broadcast(self.team.shared_model());
-        if let (Some(model), false) = (&model, ranks.is_first()) {
-            let workers = Workers::new(self.pool.as_ref());
-            let set = self.team.set_shared_model(model, workers);
-            set.expect("all ranks have the same model");
-        }
-        let mut updates = ranks.gather_lists(updates);
-        if model.is_some() {
-            let error = updates
-                .first()
-                .map(|first| first.update.report.prediction_error);
-            for update in &mut updates {
-                update.update.report.prediction_error = error.flatten();
-            }
-        }
-        updates
-    }
-
-    fn ranks(&self) -> Ranks {
-        self.settings.ranks
-    }
-
-    /// Agents whose episodes have ended learn while the others continue to play.
-    fn advance_asynchronously(
-        &mut self,
-        steps_per_update: u32,
-    ) -> Result<UpdatesAndBodies, Diverged> {
-        let scene = self.settings.scene.clone();
-        let config = AsyncConfig {
-            run_seed: self.settings.run_seed,
-            episodes: self.settings.stop.max_episodes(),
-            steps_per_update,
-            scene: scene.as_ref(),
-        };
-        let count = self.team.agent_count();
-        let rollout = self.rollout.take();
-        let mut rollout = rollout.unwrap_or_else(|| AsyncRollout::new(config.run_seed, count));
-        let (mut updates, mut body_trajectories) = (Vec::new(), Vec::new());
-        while self.buffer.episodes_added() < self.episodes_before_round + count as u64 {
-            let ended = rollout.play(&mut *self.groups[0].environment, &*self.team, &config);
-            if ended.episodes.is_empty() {
-                break;
-            }
-            self.note_warnings(ended.warnings);
-            let agents: Vec<u32> = ended.episodes.iter().map(|episode| episode.agent).collect();
-            self.add_to_buffer(ended.episodes.into())?;
-            body_trajectories.extend(ended.body_trajectories);
-            let mut learners = Vec::new();
-            for agent in agents {
-                let total = self.buffer.episodes_added();
-                let (learned_before, earlier_updates) = rollout.begin_update(agent, total, &config);
-                learners.push((agent, learned_before, earlier_updates));
-            }
-            let newest = self.learn(&learners);
-            self.check_updates(&newest)?;
-            updates.extend(newest);
-        }
-        self.rollout = Some(rollout);
-        Ok((updates, body_trajectories))
-    }
-
-    /// Checks episodes that ended in the same step, and adds them to the shared buffer.
-    fn add_to_buffer(&mut self, mut shared: SharedEpisodes) -> Result<(), Diverged> {
-        for episode in &mut shared.episodes {
-            check_episode(&self.spec, episode)?;
-            episode.round = self.round;
-        }
-        let SharedEpisodes { episodes, lengths } = shared;
-        self.buffer.add_episodes_of_lengths(episodes, lengths);
-        Ok(())
-    }
-
-    /// Some agents learn at the same time. `learners`: (agent, number of the team's episodes that
-    /// it has learned from before, number of its earlier updates), in agent order
-    fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Vec<AgentUpdate> {
-        let episodes = self.buffer.episodes_after(0);
-        let removed = self.buffer.episodes_added() - episodes.len() as u64;
-        let learners: Vec<Learner> = learners
-            .iter()
-            .map(|&(agent, learned_before, earlier_updates)| Learner {
-                agent,
-                first_new_episode: learned_before.saturating_sub(removed) as usize,
-                earlier_updates,
-            })
-            .collect();
-        let request = LearningRequest {
-            episodes,
-            lengths: self.buffer.lengths_after(0),
-            learners: &learners,
-        };
-        self.team.learn(&request, Workers::new(self.pool.as_ref()))
-    }
-
-    /// Checks that all agents have learned finite parameters.
-    fn check_updates(&self, updates: &[AgentUpdate]) -> Result<(), Diverged> {
-        let diverged = updates.iter().find(|update| !update.is_finite);
-        diverged.map_or(Ok(()), |diverged| {
-            let (agent, round) = (diverged.agent, self.round);
-            Err(Diverged::Learning { agent, round })
-        })
-    }
-
-    /// Plays a round without learning and without measuring it. Episodes are in (agent, episode)
-    /// order.
-    pub fn play_without_learning(&mut self, plan: &RoundPlan<'_>) -> PlayedEpisodes {
-        let workers = Workers::new(self.pool.as_ref());
-        rollout::play(&mut self.groups, &mut *self.team, plan, workers)
-    }
-
-    /// Agreement of the agents' intrinsic rewards for the steps of the round's first episode; see
-    /// [`agreement`].
-    fn bonus_agreement(&mut self) -> Option<f64> {
-        if !self.settings.compares_bonuses {
-            return None;
-        }
-        let probe_episode = self
-            .buffer
-            .episodes_after(self.episodes_before_round)
-            .first()?;
-        let bonuses = self.team.probe_bonuses(probe_episode, self.round);
-        let bonuses = self.settings.ranks.gather_lists(bonuses);
-        agreement::mean_rank_correlation(&bonuses)
     }
 
     /// Whether the scenario's `stop` is reached.
@@ -575,7 +191,7 @@ impl Trainer {
         self.is_done
     }
 
-    fn measures_say_done(&self) -> bool {
+    pub(super) fn measures_say_done(&self) -> bool {
         let stop = &self.settings.stop;
         let ends_when_solved = matches!(stop, Stop::Solved { .. });
         self.has_played_enough() || (ends_when_solved && self.is_solved())
@@ -627,22 +243,14 @@ impl Trainer {
     /// whole team shares with `team.`.
     #[must_use]
     pub fn tensors(&self) -> Vec<Tensor<'_>> {
-        self.gather_tensors(self.team.tensors())
+        self.team.tensors()
     }
 
     /// The agent seeds, with names such as `agent_3.reward_seeds` and
     /// `agent_3.initial.policy.layer_0.weight`.
     #[must_use]
     pub fn initial_tensors(&self) -> Vec<Tensor<'_>> {
-        self.gather_tensors(self.team.initial_tensors())
-    }
-
-    fn gather_tensors<'a>(&self, tensors: Vec<Tensor<'a>>) -> Vec<Tensor<'a>> {
-        if self.ranks().is_single() {
-            return tensors;
-        }
-        let owned: Vec<Tensor<'static>> = tensors.into_iter().map(Tensor::into_owned).collect();
-        self.ranks().gather_lists(owned)
+        self.team.initial_tensors()
     }
 
     /// The newest round's episodes, in (agent, episode) order.
@@ -681,17 +289,6 @@ impl Trainer {
     }
 }
 
-/// The updates of a round in the order in which agents learned, and the recorded bodies.
-type UpdatesAndBodies = (Vec<AgentUpdate>, Vec<BodyTrajectory>);
-
-/// Number of episodes that each agent plays in a round in which all agents begin together.
-fn episodes_per_round(schedule: Schedule) -> u32 {
-    match schedule {
-        Schedule::Synchronous { episodes } => episodes.get(),
-        Schedule::Lockstep { .. } | Schedule::Asynchronous { .. } => 1,
-    }
-}
-
 fn thread_pool(threads: usize) -> ThreadPool {
     ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -713,37 +310,10 @@ fn number_agents(environments: Vec<Box<dyn Environment>>, mut first_agent: u32) 
     environments.into_iter().map(number).collect()
 }
 
-/// Checks that all numbers of an episode are finite.
-fn check_episode(spec: &TaskSpec, episode: &Episode) -> Result<(), Diverged> {
-    let width = spec.observation_width();
-    let observations = &episode.observations;
-    let reward = episode.rewards.iter().position(|x| !x.is_finite());
-    let observation = observations.iter().position(|x| !x.is_finite());
-    // The first step with such a number. An observation that is not finite may be the reason why the
-    // reward of its step is not.
-    let row = observation.map(|index| index / width);
-    let (step, what, value) = match (row, reward) {
-        (Some(row), reward) if reward.is_none_or(|step| row <= step + 1) => {
-            let index = observation.unwrap_or_default();
-            let name = spec.observations[index % width].name.clone();
-            let step = row.saturating_sub(1);
-            (step, NonFinite::Observation(name), observations[index])
-        }
-        (_, Some(step)) => (step, NonFinite::Reward, episode.rewards[step]),
-        (_, None) => return Ok(()),
-    };
-    let names = spec.observations.iter().map(|quantity| &quantity.name);
-    let before = observations[step * width..][..width].iter();
-    let before = names.zip(before).map(|(name, x)| format!("{name} = {x}"));
-    Err(Diverged::Simulation {
-        agent: episode.agent,
-        episode: episode.episode,
-        step,
-        what,
-        value: value.to_string(),
-        observation: before.collect::<Vec<_>>().join(", "),
-        place: "check the task's parameters".to_owned(),
-    })
+/// The agents that act and learn in this process.
+fn local_agents(settings: &TrainingSettings, team: &dyn Team) -> Range<u32> {
+    let local = settings.local_agents.clone();
+    local.unwrap_or(0..team.agent_count() as u32)
 }
 
 /// The team's episodes after the first `episodes_before_round`, in (agent, episode) order.

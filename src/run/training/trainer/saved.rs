@@ -32,15 +32,15 @@ impl Trainer {
     /// Never: plain data always serializes.
     #[must_use]
     pub fn save(&self) -> Vec<u8> {
-        let ranks = self.ranks();
-        let team = self.team.save();
+        self.save_with(self.save_copies())
+    }
+
+    /// Like [`save`](Self::save), with the states of the copies of all agents.
+    pub(in crate::run::training) fn save_with(&self, copies: Vec<Vec<u8>>) -> Vec<u8> {
         let saved = Saved {
             round: self.round,
-            copies: ranks.gather_lists(self.save_copies()),
-            team: SavedTeam {
-                parts: ranks.gather_lists(team.parts),
-                ..team
-            },
+            copies,
+            team: self.team.save(),
             buffer: self.buffer.without_first(self.count_old_episodes()),
             recorded: self.episodes_before_round,
             rollout: &self.rollout,
@@ -79,7 +79,8 @@ impl Trainer {
         Ok(())
     }
 
-    fn save_copies(&self) -> Vec<Vec<u8>> {
+    /// States of the copies of the local agents.
+    pub(in crate::run::training) fn save_copies(&self) -> Vec<Vec<u8>> {
         let mut saved = Vec::new();
         for CopyGroup { environment, .. } in &self.groups {
             saved.extend((0..environment.copies()).map(|copy| environment.save(copy)));

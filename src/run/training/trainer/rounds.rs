@@ -1,0 +1,332 @@
+//! A round of a trainer: playing, learning and measuring.
+
+use super::diverged::{Diverged, check_episode};
+use super::{Round, Trainer, local_agents, newest_episodes};
+use crate::run::facts::BodyTrajectory;
+use crate::run::ranks::Ranks;
+use crate::run::training::agreement;
+use crate::run::training::asynchronous::{AsyncConfig, AsyncRollout};
+use crate::run::training::episode_warning::EpisodeWarning;
+use crate::run::training::remote_steps::RemoteRounds;
+use crate::run::training::rollout::{self, GroupRound, PlayedEpisodes, RoundPlan};
+use crate::run::training::shared_episodes::SharedEpisodes;
+use crate::scenario::Schedule;
+use seedbed_env::Environment;
+use seedbed_learn::agent::UpdateReport;
+use seedbed_learn::team::{AgentUpdate, Learner, LearningRequest, Workers};
+
+impl Trainer {
+    /// Plays a round of concurrent episodes, lets every agent learn from all of them, and measures
+    /// the result.
+    ///
+    /// An asynchronous round ends when as many episodes have ended as there are agents.
+    ///
+    /// # Errors
+    /// An observation, a reward or a network's parameters are not finite.
+    pub fn advance(&mut self) -> Result<Round, Diverged> {
+        self.forget_old_episodes();
+        let (updates, body_trajectories) = match self.settings.schedule {
+            Schedule::Synchronous { .. } | Schedule::Lockstep { .. } => {
+                let played = self.play_together(RemoteRounds::new(Ranks::SINGLE));
+                self.note_warnings(played.warnings);
+                let updates = self.learn_from(played.episodes.into())?;
+                (updates, played.body_trajectories)
+            }
+            Schedule::Asynchronous { training } => {
+                self.advance_asynchronously(training.env_steps)?
+            }
+        };
+        Ok(self.finish_measured(updates, body_trajectories))
+    }
+
+    /// Begins a round of concurrent episodes in the copies of a shared world from `first_copy` on.
+    pub(in crate::run::training) fn begin_round_in(
+        &mut self,
+        environment: &mut dyn Environment,
+        first_copy: usize,
+    ) -> GroupRound<'static> {
+        self.forget_old_episodes();
+        self.team.begin_round(self.round);
+        let agents = 0..self.team.agent_count() as u32;
+        let plan = RoundPlan {
+            run_seed: self.settings.run_seed,
+            round: self.round,
+            episodes: episodes_per_round(self.settings.schedule),
+            scene: None,
+        };
+        GroupRound::begin(environment, agents, first_copy, plan)
+    }
+
+    /// Adds the result of the latest step to a round that began in a shared world. A team that
+    /// learns from transitions gets those that are due.
+    pub(in crate::run::training) fn observe_in(
+        &mut self,
+        environment: &mut dyn Environment,
+        round: &mut GroupRound<'_>,
+    ) {
+        let interval = self.team.transition_interval();
+        round.observe(environment, interval.is_some());
+        let is_due = |interval| round.unreported_steps() >= interval || round.is_over();
+        if interval.is_some_and(is_due) {
+            let (workers, team) = (Workers::new(self.pool.as_ref()), &mut *self.team);
+            let mut remote = RemoteRounds::new(Ranks::SINGLE);
+            rollout::report_transitions(&mut [round], &mut remote, team, workers);
+        }
+    }
+
+    /// Lets every agent learn from a round that was played in a shared world, and measures it.
+    ///
+    /// # Errors
+    /// An observation, a reward or a network's parameters are not finite.
+    pub(in crate::run::training) fn finish_round(
+        &mut self,
+        round: GroupRound<'_>,
+    ) -> Result<Round, Diverged> {
+        let played = rollout::collect_episodes([round]);
+        self.note_warnings(played.warnings);
+        let updates = self.learn_from(played.episodes.into())?;
+        Ok(self.finish_measured(updates, played.body_trajectories))
+    }
+
+    /// Removes the episodes that are not needed any more, before a round.
+    pub(in crate::run::training) fn forget_old_episodes(&mut self) {
+        self.buffer.remove_first(self.count_old_episodes());
+        self.episodes_before_round = self.buffer.episodes_added();
+    }
+
+    /// Measures and ends a round of all agents.
+    fn finish_measured(
+        &mut self,
+        updates: Vec<AgentUpdate>,
+        body_trajectories: Vec<BodyTrajectory>,
+    ) -> Round {
+        let agreement = self.bonus_agreement();
+        let round = self.measure_round(updates, body_trajectories, agreement);
+        self.end_round(self.measures_say_done());
+        round
+    }
+
+    /// Measures a round. `bonus_agreement`: see [`bonus_agreement`](Self::bonus_agreement)
+    pub(in crate::run::training) fn measure_round(
+        &mut self,
+        updates: Vec<AgentUpdate>,
+        body_trajectories: Vec<BodyTrajectory>,
+        bonus_agreement: Option<f64>,
+    ) -> Round {
+        let (mut reports, mut step_data) = (Vec::new(), Vec::new());
+        for AgentUpdate { agent, update, .. } in updates {
+            let report = UpdateReport {
+                bonus_agreement: bonus_agreement.map(|agreement| agreement as f32),
+                ..update.report
+            };
+            reports.push((agent, report));
+            step_data.extend(update.step_data);
+        }
+        step_data.sort_by_key(|data| (data.agent, data.episode));
+        let episodes = newest_episodes(&self.buffer, self.episodes_before_round);
+        let rows = self
+            .measures
+            .add_round(&self.spec, self.round, &episodes, &reports);
+        Round {
+            rows,
+            step_data,
+            body_trajectories,
+        }
+    }
+
+    /// Counts a round. `is_done`: whether it was the last one
+    pub(in crate::run::training) fn end_round(&mut self, is_done: bool) {
+        self.round += 1;
+        self.is_done = is_done;
+    }
+
+    /// Number of the team's first episodes that are not needed any more: all agents have learned
+    /// from them, and they have none of the transitions to keep.
+    pub(super) fn count_old_episodes(&self) -> u64 {
+        let learned_by_all = self
+            .rollout
+            .as_ref()
+            .map_or(u64::MAX, AsyncRollout::learned_by_all);
+        let before_kept = self
+            .buffer
+            .count_before_newest(self.settings.transitions_kept);
+        learned_by_all.min(before_kept)
+    }
+
+    /// Every local agent plays its episodes of the round. A team that learns from transitions gets those of
+    /// all agents, in which case all episodes are returned.
+    pub(in crate::run::training) fn play_together(
+        &mut self,
+        remote: RemoteRounds,
+    ) -> PlayedEpisodes {
+        let plan = RoundPlan {
+            run_seed: self.settings.run_seed,
+            round: self.round,
+            episodes: episodes_per_round(self.settings.schedule),
+            scene: self.settings.scene.as_ref(),
+        };
+        let workers = Workers::new(self.pool.as_ref());
+        let (groups, team) = (&mut self.groups, &mut *self.team);
+        if team.transition_interval().is_some() {
+            rollout::play_and_report(groups, team, &plan, workers, remote)
+        } else {
+            rollout::play(groups, team, &plan, workers)
+        }
+    }
+
+    /// Keeps the first physics warning of the run.
+    pub(in crate::run::training) fn note_warnings(&mut self, warnings: Vec<EpisodeWarning>) {
+        if self.physics_warning.is_none() {
+            self.physics_warning = warnings.into_iter().min();
+        }
+    }
+
+    /// All agents learn from the episodes of a round.
+    fn learn_from(&mut self, episodes: SharedEpisodes) -> Result<Vec<AgentUpdate>, Diverged> {
+        let learned_before = self.episodes_added();
+        self.add_to_buffer(episodes)?;
+        let updates = self.learn_together(learned_before);
+        self.check_updates(&updates)?;
+        Ok(updates)
+    }
+
+    /// All local agents learn from the team's episodes after the first `learned_before`.
+    pub(in crate::run::training) fn learn_together(
+        &mut self,
+        learned_before: u64,
+    ) -> Vec<AgentUpdate> {
+        let agents = local_agents(&self.settings, &*self.team);
+        let learners: Vec<_> = agents
+            .map(|agent| (agent, learned_before, self.round))
+            .collect();
+        self.learn(&learners)
+    }
+
+    /// Number of the team's episodes so far.
+    pub(in crate::run::training) fn episodes_added(&self) -> u64 {
+        self.buffer.episodes_added()
+    }
+
+    /// Whether the agents have intrinsic rewards whose agreement is measured.
+    pub(in crate::run::training) fn compares_bonuses(&self) -> bool {
+        self.settings.compares_bonuses
+    }
+
+    /// Agents whose episodes have ended learn while the others continue to play.
+    fn advance_asynchronously(
+        &mut self,
+        steps_per_update: u32,
+    ) -> Result<UpdatesAndBodies, Diverged> {
+        let scene = self.settings.scene.clone();
+        let config = AsyncConfig {
+            run_seed: self.settings.run_seed,
+            episodes: self.settings.stop.max_episodes(),
+            steps_per_update,
+            scene: scene.as_ref(),
+        };
+        let count = self.team.agent_count();
+        let rollout = self.rollout.take();
+        let mut rollout = rollout.unwrap_or_else(|| AsyncRollout::new(config.run_seed, count));
+        let (mut updates, mut body_trajectories) = (Vec::new(), Vec::new());
+        while self.buffer.episodes_added() < self.episodes_before_round + count as u64 {
+            let ended = rollout.play(&mut *self.groups[0].environment, &*self.team, &config);
+            if ended.episodes.is_empty() {
+                break;
+            }
+            self.note_warnings(ended.warnings);
+            let agents: Vec<u32> = ended.episodes.iter().map(|episode| episode.agent).collect();
+            self.add_to_buffer(ended.episodes.into())?;
+            body_trajectories.extend(ended.body_trajectories);
+            let mut learners = Vec::new();
+            for agent in agents {
+                let total = self.buffer.episodes_added();
+                let (learned_before, earlier_updates) = rollout.begin_update(agent, total, &config);
+                learners.push((agent, learned_before, earlier_updates));
+            }
+            let newest = self.learn(&learners);
+            self.check_updates(&newest)?;
+            updates.extend(newest);
+        }
+        self.rollout = Some(rollout);
+        Ok((updates, body_trajectories))
+    }
+
+    /// Checks episodes that ended in the same step, and adds them to the shared buffer.
+    pub(in crate::run::training) fn add_to_buffer(
+        &mut self,
+        mut shared: SharedEpisodes,
+    ) -> Result<(), Diverged> {
+        for episode in &mut shared.episodes {
+            check_episode(&self.spec, episode)?;
+            episode.round = self.round;
+        }
+        let SharedEpisodes { episodes, lengths } = shared;
+        self.buffer.add_episodes_of_lengths(episodes, lengths);
+        Ok(())
+    }
+
+    /// Some agents learn at the same time. `learners`: (agent, number of the team's episodes that
+    /// it has learned from before, number of its earlier updates), in agent order
+    fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Vec<AgentUpdate> {
+        let episodes = self.buffer.episodes_after(0);
+        let removed = self.buffer.episodes_added() - episodes.len() as u64;
+        let learners: Vec<Learner> = learners
+            .iter()
+            .map(|&(agent, learned_before, earlier_updates)| Learner {
+                agent,
+                first_new_episode: learned_before.saturating_sub(removed) as usize,
+                earlier_updates,
+            })
+            .collect();
+        let request = LearningRequest {
+            episodes,
+            lengths: self.buffer.lengths_after(0),
+            learners: &learners,
+        };
+        self.team.learn(&request, Workers::new(self.pool.as_ref()))
+    }
+
+    /// Checks that all agents have learned finite parameters.
+    pub(in crate::run::training) fn check_updates(
+        &self,
+        updates: &[AgentUpdate],
+    ) -> Result<(), Diverged> {
+        let diverged = updates.iter().find(|update| !update.is_finite);
+        diverged.map_or(Ok(()), |diverged| {
+            let (agent, round) = (diverged.agent, self.round);
+            Err(Diverged::Learning { agent, round })
+        })
+    }
+
+    /// Plays a round without learning and without measuring it. Episodes are in (agent, episode)
+    /// order.
+    pub fn play_without_learning(&mut self, plan: &RoundPlan<'_>) -> PlayedEpisodes {
+        let workers = Workers::new(self.pool.as_ref());
+        rollout::play(&mut self.groups, &mut *self.team, plan, workers)
+    }
+
+    /// Agreement of the agents' intrinsic rewards for the steps of the round's first episode; see
+    /// [`agreement`].
+    pub(in crate::run::training) fn bonus_agreement(&mut self) -> Option<f64> {
+        if !self.settings.compares_bonuses {
+            return None;
+        }
+        let probe_episode = self
+            .buffer
+            .episodes_after(self.episodes_before_round)
+            .first()?;
+        let bonuses = self.team.probe_bonuses(probe_episode, self.round);
+        agreement::mean_rank_correlation(&bonuses)
+    }
+}
+
+/// The updates of a round in the order in which agents learned, and the recorded bodies.
+type UpdatesAndBodies = (Vec<AgentUpdate>, Vec<BodyTrajectory>);
+
+/// Number of episodes that each agent plays in a round in which all agents begin together.
+fn episodes_per_round(schedule: Schedule) -> u32 {
+    match schedule {
+        Schedule::Synchronous { episodes } => episodes.get(),
+        Schedule::Lockstep { .. } | Schedule::Asynchronous { .. } => 1,
+    }
+}
