@@ -12,13 +12,11 @@ use seedbed::study::store::StudyFolder;
 use seedbed::study::store::merge::{self, MergeError, Merged};
 
 pub(super) fn merge(args: &MergeArgs) -> Result<(), CliError> {
-    let selection = Selection {
-        studies: std::slice::from_ref(&args.study),
-        out: args.place.out.as_ref(),
-        quick: args.place.quick,
-        is_registered: args.registered.registered,
-        before_results: false,
-    };
+    let selection = Selection::new(
+        std::slice::from_ref(&args.study),
+        &args.place,
+        args.registered.registered,
+    );
     for (plan, target) in selection.load()? {
         merge_into(args, &plan, &target)?;
     }

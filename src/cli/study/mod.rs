@@ -29,26 +29,22 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
         Some(Action::Run(args)) => run(args, false),
         Some(Action::Confirm(args)) => run(args, true),
         Some(Action::List(args)) => {
-            let selection = Selection {
-                studies: &args.studies,
-                out: args.place.out.as_ref(),
-                quick: args.place.quick,
-                is_registered: args.registered.registered,
-                before_results: false,
-            };
+            let selection = Selection::new(&args.studies, &args.place, args.registered.registered);
             for (plan, folder) in selection.load()? {
                 list::print_runs(&plan, &folder);
             }
             Ok(())
         }
         Some(Action::Power(args)) => {
-            for (plan, _) in without_runs(&args.studies, None, false).load()? {
+            for (plan, _) in Selection::without_runs(&args.studies, None).load()? {
                 register::print_power(&plan);
             }
             Ok(())
         }
         Some(Action::Register(args)) => {
-            for (plan, folder) in without_runs(&args.studies, args.out.as_ref(), true).load()? {
+            for (plan, folder) in
+                Selection::without_runs(&args.studies, args.out.as_ref()).load()?
+            {
                 register::register(&plan, &folder)?;
             }
             Ok(())
@@ -60,34 +56,13 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
     }
 }
 
-/// Studies of which nothing is run.
-fn without_runs<'a>(
-    studies: &'a [std::path::PathBuf],
-    out: Option<&'a std::path::PathBuf>,
-    before_results: bool,
-) -> Selection<'a> {
-    Selection {
-        studies,
-        out,
-        quick: false,
-        is_registered: false,
-        before_results,
-    }
-}
-
 /// Executes what is missing of studies.
 fn run(args: &RunArgs, is_registered: bool) -> Result<(), CliError> {
     if is_registered && args.place.quick {
         let message = "a registered study has no quick settings; expected no --quick".to_owned();
         return Err(CliError::Usage(message));
     }
-    let selection = Selection {
-        studies: &args.studies,
-        out: args.place.out.as_ref(),
-        quick: args.place.quick,
-        is_registered,
-        before_results: false,
-    };
+    let selection = Selection::new(&args.studies, &args.place, is_registered);
     let plans = selection.load()?;
     if plans.len() > 1 && (args.index.is_some() || args.shard.is_some()) {
         let message = "--index and --shard can be used with one study only".to_owned();

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::arguments::PlaceArgs;
 use crate::cli::CliError;
 use seedbed::input_files;
 use seedbed::study::design::lock::{Lock, RegistrationError};
@@ -11,16 +12,38 @@ use seedbed::study::store::StudyFolder;
 /// Which studies are meant, and where their results are.
 #[derive(Clone, Copy)]
 pub(super) struct Selection<'a> {
-    pub(super) studies: &'a [PathBuf],
-    pub(super) out: Option<&'a PathBuf>,
-    pub(super) quick: bool,
+    studies: &'a [PathBuf],
+    out: Option<&'a PathBuf>,
+    quick: bool,
     /// Whether their runs are those that are registered.
-    pub(super) is_registered: bool,
+    is_registered: bool,
     /// Whether results of others need not exist yet.
-    pub(super) before_results: bool,
+    before_results: bool,
 }
 
-impl Selection<'_> {
+impl<'a> Selection<'a> {
+    /// Studies with their results.
+    pub(super) fn new(studies: &'a [PathBuf], place: &'a PlaceArgs, is_registered: bool) -> Self {
+        Self {
+            studies,
+            out: place.out.as_ref(),
+            quick: place.quick,
+            is_registered,
+            before_results: false,
+        }
+    }
+
+    /// Studies of which nothing is run.
+    pub(super) fn without_runs(studies: &'a [PathBuf], out: Option<&'a PathBuf>) -> Self {
+        Self {
+            studies,
+            out,
+            quick: false,
+            is_registered: false,
+            before_results: true,
+        }
+    }
+
     /// Reads the studies, each with the folder of its results.
     pub(super) fn load(self) -> Result<Vec<(StudyPlan, StudyFolder)>, CliError> {
         let plans: Result<Vec<StudyPlan>, CliError> =

@@ -29,13 +29,11 @@ struct JobScript {
 
 /// Prints a script, and how to use it.
 pub(super) fn print(args: &ScriptArgs) -> Result<(), CliError> {
-    let selection = Selection {
-        studies: std::slice::from_ref(&args.study),
-        out: args.place.out.as_ref(),
-        quick: args.place.quick,
-        is_registered: args.registered.registered,
-        before_results: false,
-    };
+    let selection = Selection::new(
+        std::slice::from_ref(&args.study),
+        &args.place,
+        args.registered.registered,
+    );
     for (plan, folder) in selection.load()? {
         print_for(args, &plan, &folder)?;
     }

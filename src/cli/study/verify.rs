@@ -25,13 +25,7 @@ use seedbed::study::store::StudyFolder;
 
 /// Repeats some of the runs of each study.
 pub(super) fn verify_all(args: &VerifyArgs) -> Result<(), CliError> {
-    let selection = Selection {
-        studies: &args.studies,
-        out: args.place.out.as_ref(),
-        quick: args.place.quick,
-        is_registered: args.registered.registered,
-        before_results: false,
-    };
+    let selection = Selection::new(&args.studies, &args.place, args.registered.registered);
     let mut differing = 0;
     for (plan, folder) in selection.load()? {
         differing += verify(args, &plan, &folder, args.runs)?;
