@@ -1,7 +1,7 @@
 //! Tables as NumPy archives: one array per column.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Cursor, Write};
 
 use npyz::{AutoSerialize, DType, Serialize, WriteOptions, WriterBuilder};
 use zip::write::SimpleFileOptions;
@@ -14,45 +14,6 @@ use super::table::{Table, Values};
 pub(super) struct NpzTable {
     file: BufWriter<File>,
     table: Table,
-}
-
-/// A file of which only the first error is reported. `ZipWriter` completes its archive also after an error, and
-/// prints the next one to the standard error.
-struct FirstError<'a> {
-    file: &'a mut BufWriter<File>,
-    has_failed: bool,
-}
-
-impl FirstError<'_> {
-    /// What `action` does with the file; after an error nothing, which gives `done`.
-    fn run<T>(
-        &mut self,
-        done: T,
-        action: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>,
-    ) -> io::Result<T> {
-        if self.has_failed {
-            return Ok(done);
-        }
-        let result = action(self.file);
-        self.has_failed = result.is_err();
-        result
-    }
-}
-
-impl Write for FirstError<'_> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.run(bytes.len(), |file| file.write(bytes))
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.run((), Write::flush)
-    }
-}
-
-impl Seek for FirstError<'_> {
-    fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
-        self.run(0, |file| file.seek(position))
-    }
 }
 
 impl NpzTable {
@@ -71,10 +32,8 @@ impl TableWriter for NpzTable {
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {
-        let mut archive = zip::ZipWriter::new(FirstError {
-            file: &mut self.file,
-            has_failed: false,
-        });
+        // In memory: on a full disk, `ZipWriter` would print an error of its own.
+        let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
         // The same content gives the same bytes: the time of a file in the archive is constant.
         let options = SimpleFileOptions::default()
             .compression_method(zip::CompressionMethod::Deflated)
@@ -84,7 +43,9 @@ impl TableWriter for NpzTable {
             archive.start_file(format!("{}.npy", column.name), options)?;
             write_array(&mut archive, column.values)?;
         }
-        archive.finish()?.flush()
+        let bytes = archive.finish()?.into_inner();
+        self.file.write_all(&bytes)?;
+        self.file.flush()
     }
 }
 
