@@ -1,8 +1,8 @@
 //! Exploration bonuses: intrinsic rewards for informative or novel steps, added to the rewards that
 //! an agent learns from (thesis §4).
 //!
-//! A bonus is one file with its configuration, which implements [`BonusConfig`], its model, which
-//! implements [`GainModel`], and one line in the list [below](Bonus). Every agent has a model of its
+//! A bonus is one file with its configuration, which implements `BonusConfig`, and its model, which
+//! implements `GainModel`, and one line in the list [below](Bonus). Every agent has a model of its
 //! own to compute bonuses with ([`BonusModel`]). If the team shares one model, agent 0 trains it, and
 //! the others copy what it has learned. Formulas are in [`rl`](crate::rl).
 
