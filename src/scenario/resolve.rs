@@ -90,8 +90,9 @@ pub(super) fn apply_value<T: Resolve>(
         })?;
         let parsed = seedbed_input::parse::<T>(&document.origin, text);
         let parsed = parsed.map_err(|error| {
-            let help = error.help.or_else(|| forms::<T>(path));
-            invalid(field_of(&error.field, path), error.message, help)
+            let field = field_of(&error.field, path);
+            let forms = || forms::<T>(path).filter(|_| field == path);
+            invalid(field, error.message, error.help.or_else(forms))
         })?;
         Ok(parsed.value)
     };
