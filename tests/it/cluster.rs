@@ -100,7 +100,9 @@ fn wrong_shards_are_refused() {
     ] {
         let arguments = [&["--shard", "0/3"], other].concat();
         let error = refused(&run_study(&study, &out, &arguments));
-        assert!(error.contains("cannot be used with"), "{other:?}: {error}");
+        let is_refused = ["cannot be used with", "unexpected argument '--shard' found"];
+        let is_refused = is_refused.iter().any(|part| error.contains(part));
+        assert!(is_refused, "{other:?}: {error}");
     }
     let two = refused(
         &command(&["study", &study, &study, "--shard", "0/2"])
@@ -374,7 +376,8 @@ fn pipes_and_devices_in_place_of_files_of_a_study_are_refused() {
         fs::remove_file(&stored).unwrap();
         std::os::unix::fs::symlink("/dev/null", &stored).unwrap();
     }
-    assert!(!target.join("runs").exists());
+    let copied = target.join("runs").exists() && !stored_results(&target).is_empty();
+    assert!(!copied);
 
     let lock = PathBuf::from(format!("{study}.lock"));
     make_pipe(&lock);

@@ -30,7 +30,9 @@ fn commands(page: &str) -> Vec<String> {
 
 /// A whole study takes minutes.
 fn shortened(line: &str) -> String {
-    if line.starts_with("seedbed study") && !line.contains(" --") {
+    let runs_all =
+        line.starts_with("seedbed study scenarios") || line.starts_with("seedbed study run");
+    if runs_all && !line.contains(" --") {
         line.replacen(".ron", ".ron --quick", 1)
     } else {
         line.to_owned()

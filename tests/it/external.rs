@@ -555,7 +555,7 @@ fn files_that_existed_at_the_registration_are_not_used() {
     fixture.write_run("b/0.csv", 97.0);
     let printed = fixture.succeed(&["--register"]);
     assert!(
-        printed.contains("seen       3 files of results, which --confirm does not use"),
+        printed.contains("seen       3 files of results, which `confirm` does not use"),
         "{printed}"
     );
     fixture.append("a/1.csv", "50\n");

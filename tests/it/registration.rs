@@ -146,7 +146,7 @@ fn a_registered_study_is_confirmed_with_run_seeds_from_its_lock() {
     assert!(
         fixture
             .refusal()
-            .contains("register the study with --register before --confirm")
+            .contains("register the study with `seedbed study register` first")
     );
     let registered = fixture.succeed(&["--register"]);
     assert!(
@@ -274,7 +274,10 @@ fn an_edited_run_is_not_used_and_is_repeated() {
     let error = run_refused(&["report", fixture.path("out").to_str().unwrap()]);
     let expected = format!("error: {} is damaged, was changed", file.display());
     assert!(error.starts_with(&expected), "{error}");
-    assert!(error.ends_with("small.ron --confirm\n"), "{error}");
+    assert!(
+        error.ends_with("seedbed study confirm small.ron\n"),
+        "{error}"
+    );
     fixture.succeed(&["--confirm"]);
     assert_eq!(fs::read(file).unwrap(), original);
     assert!(

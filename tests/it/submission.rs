@@ -337,7 +337,7 @@ fn studies_without_a_lock_or_without_all_results_are_not_packed() {
     let project = Project::new();
     let error = project.refusal(&["submit", STUDY]);
     assert!(
-        error.contains("register the study with --register"),
+        error.contains("register the study with `seedbed study register`"),
         "{error}"
     );
     project.succeed("lab", &["study", STUDY, "--register"]);

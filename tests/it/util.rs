@@ -64,8 +64,13 @@ pub(crate) fn stdout(output: &Output) -> String {
 }
 
 /// Standard error of a command.
+/// The standard error, without notes on former spellings: tests use both.
 pub(crate) fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+    let text = String::from_utf8_lossy(&output.stderr);
+    let is_note = |line: &&str| line.starts_with("note: the new spelling is ");
+    text.split_inclusive('\n')
+        .filter(|line| !is_note(line))
+        .collect()
 }
 
 /// The command `seedbed run scenarios/cartpole.ron --out FOLDER EXTRA_ARGUMENTS`, before it is

@@ -129,6 +129,9 @@ pub(super) struct PowerArgs {
     /// Study files
     #[arg(required = true, value_name = "STUDY")]
     pub(super) studies: Vec<PathBuf>,
+    /// Directory of the results, which are not read
+    #[arg(long, value_name = "DIR", hide = true)]
+    pub(super) out: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -36,7 +36,7 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
             Ok(())
         }
         Some(Action::Power(args)) => {
-            for (plan, _) in Selection::without_runs(&args.studies, None).load()? {
+            for (plan, _) in Selection::without_runs(&args.studies, args.out.as_ref()).load()? {
                 register::print_power(&plan);
             }
             Ok(())

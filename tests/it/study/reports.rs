@@ -49,7 +49,7 @@ fn a_report_names_the_builds_of_its_runs() {
     change_build(1, |build| build.map(|hash| hash.map(|byte| !byte)));
     assert!(
         page().contains("The runs were made by 3 builds of seedbed (unknown, ")
-            && page().contains(" --verify</code>.")
+            && page().contains("<code>seedbed study verify ")
     );
     assert!(run_study(&study, &out, &["--verify"]).status.success());
 }

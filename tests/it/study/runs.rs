@@ -35,7 +35,8 @@ fn results_depend_neither_on_jobs_nor_on_processes() {
     assert_eq!(stored_results(&one_process_per_run), results);
     let beyond = run_study(&study, &one_process_per_run, &["--index", "6"]);
     assert_eq!(beyond.status.code(), Some(2));
-    let expected = "error: --index 6: expected an index from 0 to 5; --list shows all\n";
+    let expected =
+        "error: --index 6: expected an index from 0 to 5; `seedbed study list` shows all\n";
     assert_eq!(stderr(&beyond), expected);
     let listed = stdout(&run_study(&study, &one_process_per_run, &["--list"]));
     assert_eq!(
