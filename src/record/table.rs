@@ -106,8 +106,8 @@ pub struct TableError {
     pub reason: String,
 }
 
-/// Reads the rows of a table: [`EpisodeRow`](super::EpisodeRow) of `episodes.csv`,
-/// [`RoundRow`](super::RoundRow) of `rounds.csv`. Columns are found by name. An incomplete last
+/// Reads the rows of a table: [`EpisodeRow`](crate::run::facts::EpisodeRow) of `episodes.csv`,
+/// [`RoundRow`](crate::run::facts::RoundRow) of `rounds.csv`. Columns are found by name. An incomplete last
 /// row, as a killed run may leave it, is ignored.
 ///
 /// # Errors

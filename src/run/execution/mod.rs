@@ -2,7 +2,7 @@
 //!
 //! [`execute`] is the loop; `resume` begins it from a checkpoint, `ending` completes the files.
 //! `round_recorder` passes rounds to the recorders, `checkpoint_writer` and `replay_file` store
-//! checkpoints, [`stopping`] ends rounds after an interruption.
+//! checkpoints, `stopping` ends rounds after an interruption.
 
 mod active_run;
 pub(crate) mod checkpoint_schedule;
