@@ -323,8 +323,9 @@ mod tests {
 
     #[test]
     fn a_renamed_field_keeps_the_digest() {
-        let former = settings(r#"(task: "pole", learner: Gradient(whiten: true))"#);
-        let renamed = settings(r#"(task: "pole", learner: Gradient(standardize: true))"#);
+        let of = |text| Settings::of(text).unwrap();
+        let former = of(r#"(task: "pole", learner: Gradient(whiten: true))"#);
+        let renamed = of(r#"(task: "pole", learner: Gradient(standardize: true))"#);
         assert_ne!(former, renamed);
         let names = [("standardize", "whiten")];
         assert_eq!(former.digest(&names), renamed.digest(&names));
