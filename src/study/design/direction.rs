@@ -1,6 +1,6 @@
 //! The table of claimed directions: what each says of an effect, how it is tested, and in which words.
 //!
-//! A new kind of claim is a variant of [`ClaimDirection`] and a row of [`RULES`].
+//! A new kind of claim is a variant of [`ClaimDirection`] and a row of the table.
 
 use serde::{Deserialize, Serialize};
 

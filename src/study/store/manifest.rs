@@ -33,7 +33,7 @@ pub struct Manifest {
     /// Cells.
     pub cells: Vec<CellDescription>,
     /// Claims that were added or changed after both of their cells had runs, as
-    /// [`Claim::canonical_text`].
+    /// [`Claim::canonical_text`](crate::study::design::file::Claim::canonical_text).
     #[serde(default)]
     pub late_claims: Vec<String>,
     /// Earlier values of `repeats`, in the order in which they were used. Only values with stored
@@ -85,7 +85,7 @@ impl Manifest {
         format!("{fields}{CHECKSUM_FIELD}{sum}\"{JSON_END}")
     }
 
-    /// Claims of the study, as [`Claim::canonical_text`]; empty if this version cannot read the
+    /// Claims of the study, as [`Claim::canonical_text`](crate::study::design::file::Claim::canonical_text); empty if this version cannot read the
     /// study file.
     pub(super) fn claims(&self) -> Vec<String> {
         let Ok(study) = seedbed_input::parse::<Study>(&self.study_path, self.study.clone()) else {
