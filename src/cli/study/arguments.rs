@@ -81,9 +81,11 @@ pub(super) struct PlaceArgs {
     pub(super) quick: bool,
 }
 
-/// Whether the runs are those that are registered.
+/// As [`PlaceArgs`], for runs that may be registered.
 #[derive(Debug, Args)]
-pub(super) struct RegisteredArgs {
+pub(super) struct ResultsArgs {
+    #[command(flatten)]
+    pub(super) place: PlaceArgs,
     /// The runs that STUDY.lock registers
     #[arg(long, conflicts_with = "quick")]
     pub(super) registered: bool,
@@ -119,9 +121,7 @@ pub(super) struct ListArgs {
     #[arg(required = true, value_name = "STUDY")]
     pub(super) studies: Vec<PathBuf>,
     #[command(flatten)]
-    pub(super) place: PlaceArgs,
-    #[command(flatten)]
-    pub(super) registered: RegisteredArgs,
+    pub(super) results: ResultsArgs,
 }
 
 #[derive(Debug, Args)]
@@ -156,11 +156,9 @@ pub(super) struct VerifyArgs {
     #[arg(long, value_name = "NUMBER")]
     pub(super) draw: Option<u64>,
     #[command(flatten)]
-    pub(super) registered: RegisteredArgs,
+    pub(super) results: ResultsArgs,
     #[command(flatten)]
     pub(super) execution: ExecutionArgs,
-    #[command(flatten)]
-    pub(super) place: PlaceArgs,
 }
 
 #[derive(Debug, Args)]
@@ -178,11 +176,9 @@ pub(super) struct MergeArgs {
     #[arg(long, value_name = "NUMBER")]
     pub(super) draw: Option<u64>,
     #[command(flatten)]
-    pub(super) registered: RegisteredArgs,
+    pub(super) results: ResultsArgs,
     #[command(flatten)]
     pub(super) execution: ExecutionArgs,
-    #[command(flatten)]
-    pub(super) place: PlaceArgs,
 }
 
 #[derive(Debug, Args)]
@@ -198,11 +194,9 @@ pub(super) struct ScriptArgs {
     #[arg(value_parser = clap::value_parser!(u32).range(1..=4_000_001))]
     pub(super) max_tasks: u32,
     #[command(flatten)]
-    pub(super) registered: RegisteredArgs,
+    pub(super) results: ResultsArgs,
     #[command(flatten)]
     pub(super) execution: ExecutionArgs,
-    #[command(flatten)]
-    pub(super) place: PlaceArgs,
 }
 
 #[derive(Debug, Args)]

@@ -12,11 +12,7 @@ use seedbed::study::store::StudyFolder;
 use seedbed::study::store::merge::{self, MergeError, Merged};
 
 pub(super) fn merge(args: &MergeArgs) -> Result<(), CliError> {
-    let selection = Selection::new(
-        std::slice::from_ref(&args.study),
-        &args.place,
-        args.registered.registered,
-    );
+    let selection = Selection::of_results(std::slice::from_ref(&args.study), &args.results);
     for (plan, target) in selection.load()? {
         merge_into(args, &plan, &target)?;
     }

@@ -29,7 +29,7 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
         Some(Action::Run(args)) => run(args, false),
         Some(Action::Confirm(args)) => run(args, true),
         Some(Action::List(args)) => {
-            let selection = Selection::new(&args.studies, &args.place, args.registered.registered);
+            let selection = Selection::of_results(&args.studies, &args.results);
             for (plan, folder) in selection.load()? {
                 list::print_runs(&plan, &folder);
             }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::arguments::PlaceArgs;
+use super::arguments::{PlaceArgs, ResultsArgs};
 use crate::cli::CliError;
 use seedbed::input_files;
 use seedbed::study::design::lock::{Lock, RegistrationError};
@@ -31,6 +31,11 @@ impl<'a> Selection<'a> {
             is_registered,
             before_results: false,
         }
+    }
+
+    /// Studies with their results, which may be registered.
+    pub(super) fn of_results(studies: &'a [PathBuf], results: &'a ResultsArgs) -> Self {
+        Self::new(studies, &results.place, results.registered)
     }
 
     /// Studies of which nothing is run.

@@ -29,11 +29,7 @@ struct JobScript {
 
 /// Prints a script, and how to use it.
 pub(super) fn print(args: &ScriptArgs) -> Result<(), CliError> {
-    let selection = Selection::new(
-        std::slice::from_ref(&args.study),
-        &args.place,
-        args.registered.registered,
-    );
+    let selection = Selection::of_results(std::slice::from_ref(&args.study), &args.results);
     for (plan, folder) in selection.load()? {
         print_for(args, &plan, &folder)?;
     }
@@ -82,7 +78,7 @@ impl JobScript {
             study: path_word(&plan.path)?,
             folder: path_word(folder.path())?,
             working_directory: path_word(Path::new("."))?,
-            action: if args.registered.registered {
+            action: if args.results.registered {
                 "confirm"
             } else {
                 "run"
@@ -182,7 +178,7 @@ fn job_name(study: &str) -> String {
 /// The options of the command that its shards need as well.
 fn options(args: &ScriptArgs) -> String {
     let options = [
-        (args.place.quick, " --quick"),
+        (args.results.place.quick, " --quick"),
         (args.execution.retry, " --retry"),
         (args.execution.ignore_memory, " --ignore-memory"),
     ];

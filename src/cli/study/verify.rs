@@ -25,7 +25,7 @@ use seedbed::study::store::StudyFolder;
 
 /// Repeats some of the runs of each study.
 pub(super) fn verify_all(args: &VerifyArgs) -> Result<(), CliError> {
-    let selection = Selection::new(&args.studies, &args.place, args.registered.registered);
+    let selection = Selection::of_results(&args.studies, &args.results);
     let mut differing = 0;
     for (plan, folder) in selection.load()? {
         differing += verify(args, &plan, &folder, args.runs)?;
@@ -45,7 +45,7 @@ fn verify(
     folder: &StudyFolder,
     amount: Amount,
 ) -> Result<usize, CliError> {
-    let folder = &match args.place.out {
+    let folder = &match args.results.place.out {
         Some(_) => folder.clone(),
         None => published::stored_or_beside(&plan.path, folder.clone()),
     };

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::provenance;
+use crate::storage::hashes::sha256;
 use crate::study::FileError;
 use crate::study::design::cell::CellDescription;
 use crate::study::design::file::{Claim, NamedCell, Study};
@@ -181,7 +182,7 @@ impl Registered {
                 .map(|cell| (cell.name.clone(), cell.digest.clone()))
                 .collect(),
             study_hash: hash_of_study(study, text, settings_version),
-            descriptions_hash: sha256(&without_paths(study, cells)),
+            descriptions_hash: sha256_of_json(&without_paths(study, cells)),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             commit: provenance::commit().map(str::to_owned),
             build: provenance::format_build_id(provenance::build_id()),
@@ -277,7 +278,7 @@ impl RegisteredResults {
 /// SHA-256 of the values of a study file: of those that differ from their defaults or, in earlier versions, of all.
 fn hash_of_study(study: &Study, text: &str, settings_version: u32) -> String {
     if settings_version == 0 {
-        return sha256(study);
+        return sha256_of_json(study);
     }
     seedbed_input::settings_of::<Study>(text).digest(&FORMER_NAMES)
 }
@@ -291,9 +292,9 @@ fn is_former(version: &u32) -> bool {
 }
 
 /// SHA-256 of the compact JSON of a value, in hexadecimal digits.
-fn sha256(value: &impl Serialize) -> String {
+fn sha256_of_json(value: &impl Serialize) -> String {
     let text = serde_json::to_string(value).expect("plain data always serializes");
-    format!("{:x}", Sha256::digest(text))
+    sha256(text)
 }
 
 /// Descriptions of cells without paths, which depend on the working directory, and without what
@@ -347,7 +348,7 @@ impl Lock {
     /// The lock of what is registered.
     pub(super) fn new(registered: Registered) -> Self {
         Self {
-            id: sha256(&registered),
+            id: sha256_of_json(&registered),
             registered,
         }
     }
@@ -389,7 +390,7 @@ impl Lock {
     /// Whether the contents have the id.
     #[must_use]
     pub fn is_unchanged(&self) -> bool {
-        sha256(&self.registered) == self.id
+        sha256_of_json(&self.registered) == self.id
     }
 
     /// Run seed of the run with this index in its cell: the first six bytes of the SHA-256 of
@@ -474,7 +475,7 @@ mod tests {
 
     fn lock(registered: Registered) -> Lock {
         Lock {
-            id: sha256(&registered),
+            id: sha256_of_json(&registered),
             registered,
         }
     }

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use crate::storage::hashes::sha256;
+
 use seedbed_input::limits::{MAX_TABLE_BYTES, read_bytes};
 use seedbed_input::{InputError, Position};
 
@@ -41,7 +43,7 @@ impl DataFile {
             hash: FileHash {
                 path: name_of(folder, path),
                 bytes: bytes.len() as u64,
-                sha256: format!("{:x}", Sha256::digest(&bytes)),
+                sha256: sha256(&bytes),
             },
             bytes,
         })
@@ -395,7 +397,7 @@ mod tests {
             hash: FileHash {
                 path: "a.csv".to_owned(),
                 bytes: text.len() as u64,
-                sha256: format!("{:x}", Sha256::digest(text)),
+                sha256: sha256(text),
             },
         }
     }

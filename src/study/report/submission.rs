@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 use std::io::{self, Cursor, Write};
 use std::path::{Component, Path, PathBuf};
 
+use crate::storage::hashes::sha256;
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
@@ -274,10 +274,9 @@ fn read_me(plan: &StudyPlan, study: &Path, verify: &str) -> Vec<u8> {
 }
 
 fn hashes(files: &Files) -> BTreeMap<&Path, String> {
-    let hash = |bytes: &[u8]| format!("{:x}", Sha256::digest(bytes));
     files
         .iter()
-        .map(|(path, bytes)| (path.as_path(), hash(bytes)))
+        .map(|(path, bytes)| (path.as_path(), sha256(bytes)))
         .collect()
 }
 

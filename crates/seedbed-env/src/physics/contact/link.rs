@@ -42,7 +42,7 @@ impl Ends {
         let range = joint.range.map(|range| range.map(|end| end as f32));
         match (range, joint.range_softness) {
             (Some(range), None) => Self::Hard(range),
-            // Without worlds of their own, copies are here for single steps, which go on with Rapier's velocity.
+            // Copies that turn too fast for a shared world are computed in single steps, which start with Rapier's velocity.
             (Some(range), Some(softness)) if task.needs_own_worlds() => {
                 Self::Soft(range, SoftEnd::new(softness, task))
             }
