@@ -20,17 +20,22 @@ Importing this package registers the built-in tasks with Gymnasium:
     >>> action = run.policy(0)(observations[0])  # doctest: +SKIP
 """
 
+import importlib
+import importlib.util
+from typing import TYPE_CHECKING, Any
+
 from seedbed_command import command
 
-from ._native import Action, Quantity, Task, TaskError, __version__
-from .environment import Env
-from .errors import RunError
-from .making import make, parallel_env
-from .policies import Policy
-from .reading import Run, load, runs
-from .recording import RecordingError, RecordVisitation, RecordVisitationVector
-from .registration import environment_id, register_builtin_tasks, tasks
-from .vector import VectorEnv
+if TYPE_CHECKING:
+    from ._native import Action, Quantity, Task, TaskError, __version__
+    from .environment import Env
+    from .errors import RunError
+    from .making import make, parallel_env
+    from .policies import Policy
+    from .reading import Run, load, runs
+    from .recording import RecordingError, RecordVisitation, RecordVisitationVector
+    from .registration import environment_id, tasks
+    from .vector import VectorEnv
 
 __all__ = [
     "Action",
@@ -55,4 +60,52 @@ __all__ = [
     "tasks",
 ]
 
-register_builtin_tasks()
+_MODULES = {
+    "_native": ("Action", "Quantity", "Task", "TaskError", "__version__"),
+    "environment": ("Env",),
+    "errors": ("RunError",),
+    "making": ("make", "parallel_env"),
+    "policies": ("Policy",),
+    "reading": ("Run", "load", "runs"),
+    "recording": ("RecordVisitation", "RecordVisitationVector", "RecordingError"),
+    "registration": ("environment_id", "tasks"),
+    "vector": ("VectorEnv",),
+}
+"""Modules of the names that are loaded when they are first used. Recorders need nothing but Gymnasium."""
+
+_HAS_NATIVE = importlib.util.find_spec("seedbed._native") is not None
+"""Whether the package is built; the sources alone have no native module."""
+
+
+def _load(module: str, name: str) -> Any:
+    try:
+        return getattr(importlib.import_module(f"{__name__}.{module}"), name)
+    except ModuleNotFoundError as error:
+        if error.name != f"{__name__}._native":
+            raise
+        raise ImportError(
+            f"seedbed.{name} needs the native module of the package, which sources do not contain: "
+            "install the package with `pip install ./python` in the directory of the repository",
+            name=error.name,
+        ) from error
+
+
+# Hidden from mypy, which would take every name for one of the package.
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        for module, names in _MODULES.items():
+            if name in names:
+                globals()[name] = _load(module, name)
+                return globals()[name]
+        if not name.startswith("_") and importlib.util.find_spec(f"{__name__}.{name}") is not None:
+            return importlib.import_module(f"{__name__}.{name}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+if _HAS_NATIVE:
+    _load("registration", "register_builtin_tasks")()

@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import exports, pages, programs
-from ._native import Task
 from .checksums import verify
 from .errors import RunError
 from .exports import Content
 from .frames import Frames, choose, from_rows, read_parquet
 
 if TYPE_CHECKING:
+    from ._native import Task
     from .policies import Policy
 
 SUMMARY = "summary.json"
@@ -192,6 +192,8 @@ class Run:
         if not path.is_file():
             raise RunError(path, "there is no such file: the run has no copy of its task")
         verify(path, self.path)
+        from ._native import Task
+
         return Task(path, run_seed=row["seed"] or 0)
 
     @property

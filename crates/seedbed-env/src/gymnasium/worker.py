@@ -11,8 +11,8 @@ answered by one frame: u32 length of the payload, u8 tag, payload; all numbers a
     F  u32 copy: picture                      I  u32 height, u32 width, u8 RGB [height × width × 3]
     Q  (or the end of the stream)             none: the worker ends
 
-Any other answer is E, JSON: kind, message, help, copy and traceback of a failure. No failure of an environment, not
-even SystemExit, ends the worker. It ends with the thread that started it, which on Linux must therefore live on.
+Any other answer is E, JSON: kind, message, help, copy and traceback of a failure. No exception of an environment, not
+even SystemExit, ends the worker. On Linux it ends with the thread that started it, which must therefore live on.
 """
 
 from __future__ import annotations
@@ -49,75 +49,46 @@ if TYPE_CHECKING:
 
     Numbers: TypeAlias = NDArray[Any]
     Environment: TypeAlias = "gymnasium.Env[Any, Any]"
+    Step: TypeAlias = tuple[Numbers, float, int]
 
 HEADER = struct.Struct("<Ic")
 TWO_NUMBERS = struct.Struct("<II")
 OWN_FILE = (lambda: None).__code__.co_filename
 PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux
 
-MAX_NUMBERS = 10_000  # per observation
+MAX_NUMBERS = 10_000  # of an observation
 MAX_PICTURE_NUMBERS = 100
-UNBOUNDED = 1e6
-"""Bounds of observations that are farther from 0 say nothing about values."""
-UNBOUNDED_ACTION = 1e30
-
+# Bounds that are farther from 0 say nothing about values.
+MAX_OBSERVATION_BOUND = 1e6
+MAX_ACTION_BOUND = 1e30
 MAX_TRACEBACK_LINES = 30
 MAX_TRACEBACK_CHARACTERS = 4000
 MAX_MESSAGE_CHARACTERS = 1000
 
-EPISODE_STEPS = 200  # of episodes that are compared
-HISTORY_STEPS = 1000  # of the whole episode that a used environment played before
+COMPARED_STEPS = 200  # of each episode that the probe compares
+HISTORY_STEPS = 1000  # of the longest episode that a used environment has played before
+STATUS_WORDS = ("runs", "terminated", "truncated")
 RUNNING, TERMINATED, TRUNCATED, NOT_LIVE = range(4)
 
+# What to install for a module, where it is not its name.
 PACKAGES = {
     "Box2D": '"gymnasium[box2d]"',
-    "swig": '"gymnasium[box2d]"',
-    "mujoco": '"gymnasium[mujoco]"',
-    "pygame": '"gymnasium[classic-control]"',
-    "jax": '"gymnasium[jax]"',
+    "PIL": "pillow",
     "ale_py": "ale-py",
     "cv2": "opencv-python",
-    "PIL": "pillow",
-    "yaml": "pyyaml",
-    "sklearn": "scikit-learn",
+    "jax": '"gymnasium[jax]"',
+    "mujoco": '"gymnasium[mujoco]"',
     "numpy": "gymnasium",
+    "pygame": '"gymnasium[classic-control]"',
+    "sklearn": "scikit-learn",
+    "swig": '"gymnasium[box2d]"',
+    "yaml": "pyyaml",
 }
-"""What to install for a module, where it is not the module's name."""
-ENGINES = ("mujoco", "Box2D", "ale_py", "pybullet", "jax")
-"""Packages whose version changes results, if they are loaded."""
+# If they are loaded, results depend on their versions.
+ENGINES = ("Box2D", "ale_py", "jax", "mujoco", "pybullet")
 
 
 # The process
-
-
-def take_stream() -> socket.socket:
-    """Takes the socket away from file descriptor 0; environments then read nothing, and print to stderr."""
-    connection = socket.socket(fileno=os.dup(0))
-    connection.setblocking(True)
-    null = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(null, 0)
-    os.close(null)
-    os.dup2(2, 1)
-    if hasattr(os, "register_at_fork"):
-        os.register_at_fork(after_in_child=connection.close)
-    return connection
-
-
-def end_with_parent() -> None:
-    """Lets this process end when its parent does, even in the middle of a step."""
-    parent = os.getppid()
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PARENT_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
-        if os.getppid() != parent:
-            os._exit(0)
-    else:
-        threading.Thread(target=watch_parent, args=(parent,), daemon=True).start()
-
-
-def watch_parent(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(1.0)
-    os._exit(0)
 
 
 def prepare_process() -> socket.socket:
@@ -131,8 +102,39 @@ def prepare_process() -> socket.socket:
     except OSError:
         sys.exit("error: the program `seedbed` starts this worker, with a socket as standard input")
     end_with_parent()
-    faulthandler.enable()
+    faulthandler.enable(2)
     return connection
+
+
+def take_stream() -> socket.socket:
+    """Takes the socket away from file descriptor 0: environments read nothing, and print to stderr."""
+    connection = socket.socket(fileno=os.dup(0))
+    connection.setblocking(True)
+    null = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(null, 0)
+    os.close(null)
+    os.dup2(2, 1)
+    sys.stdout = sys.stderr
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(after_in_child=connection.close)
+    return connection
+
+
+def end_with_parent() -> None:
+    """Lets this process end when its parent does, even in the middle of a step."""
+    parent = os.getppid()
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PARENT_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
+        if os.getppid() != parent:
+            os._exit(0)
+    else:
+        threading.Thread(target=watch, args=(parent,), daemon=True).start()
+
+
+def watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(0)
 
 
 if __name__ == "__main__":
@@ -151,72 +153,81 @@ except ModuleNotFoundError as error:
 
 
 class Failure(Exception):
-    """An answer `E`: kind, message for people, what helps, number of the copy, and Python's traceback."""
+    """An answer E. `help` says what to do, `copy` is the number of the copy that failed."""
 
-    def __init__(self, kind: str, message: str, help: str | None = None, copy: int | None = None) -> None:
+    def __init__(self, kind: str, message: str, help: str | None = None) -> None:
         super().__init__(message)
-        self.content = {"kind": kind, "message": message, "help": help, "copy": copy, "traceback": ""}
+        self.content: dict[str, Any] = {"kind": kind, "message": message, "help": help, "copy": None, "traceback": ""}
+
+
+@contextlib.contextmanager
+def failing_as(kind: str, copy: int | None = None) -> Iterator[None]:
+    """Turns all exceptions into failures of this kind."""
+    try:
+        yield
+    except BaseException as error:
+        raise failure(error, kind, copy) from None
 
 
 def failure(error: BaseException, kind: str, copy: int | None = None) -> Failure:
-    """The answer to an exception: an own failure, a missing package, an unknown id, or one of the given kind."""
+    """The failure that an exception means: itself, a missing package, an unknown id, or one of the given kind."""
     if isinstance(error, Failure):
-        if error.content["copy"] is None:
-            error.content["copy"] = copy
-        return error
-    found = missing_package(error) or unknown_id(error) or Failure(kind, message_of(error))
-    found.content.update(copy=copy, traceback=traceback_of(error))
+        found = error
+    else:
+        found = missing_package(error) or unknown_id(error) or Failure(kind, message_of(error))
+        found.content["traceback"] = traceback_of(error)
+    if found.content["copy"] is None:
+        found.content["copy"] = copy
     return found
 
 
 def message_of(error: BaseException) -> str:
-    try:
-        text = str(error)
-    except BaseException:
-        text = ""
-    text = f"{type(error).__name__}: {text}" if text else type(error).__name__
-    return text if len(text) <= MAX_MESSAGE_CHARACTERS else text[:MAX_MESSAGE_CHARACTERS] + " …"
+    name = type(error).__name__
+    with contextlib.suppress(BaseException):
+        name += f": {error}" if str(error) else ""
+    return name if len(name) <= MAX_MESSAGE_CHARACTERS else name[:MAX_MESSAGE_CHARACTERS] + " …"
 
 
 def traceback_of(error: BaseException) -> str:
     """The end of Python's traceback, without frames of this file."""
-    try:
+    lines = [message_of(error)]
+    with contextlib.suppress(BaseException):
         whole = traceback.TracebackException.from_exception(error, limit=-MAX_TRACEBACK_LINES)
         part: traceback.TracebackException | None = whole
         while part is not None:
             part.stack = traceback.StackSummary.from_list([each for each in part.stack if each.filename != OWN_FILE])
             part = part.__cause__ or part.__context__
         lines = "".join(whole.format()).splitlines()[-MAX_TRACEBACK_LINES:]
-    except BaseException:
-        lines = [message_of(error)]
     return "\n".join(lines)[-MAX_TRACEBACK_CHARACTERS:]
 
 
 def missing_package(error: BaseException) -> Failure | None:
-    """The failure if an import failed because a module is not installed."""
-    dependency_error: type[BaseException] = ImportError if missing else gymnasium.error.DependencyNotInstalled
-    if not isinstance(error, (ImportError, dependency_error)):
+    """The failure if a module is not installed."""
+    if not (isinstance(error, ImportError) or is_error_of_gymnasium(error, "DependencyNotInstalled")):
         return None
     cause: BaseException | None = error
     while cause is not None and not (isinstance(cause, ModuleNotFoundError) and cause.name):
         cause = cause.__cause__ or cause.__context__
-    if isinstance(cause, ModuleNotFoundError) and cause.name:
-        module = cause.name.partition(".")[0]
-        message = f"the Python package {module} is not installed for {sys.executable} ({message_of(error)})"
+    module = (getattr(cause, "name", None) or "").partition(".")[0]
+    if module and module not in sys.modules:
+        message = f"the Python package {module} is not installed for {sys.executable}"
         return Failure("missing_package", message, f"pip install {PACKAGES.get(module, module)}")
     command = re.search(r"pip install [^`]+", message_of(error))
     return Failure("missing_package", message_of(error), command[0]) if command else None
 
 
 def unknown_id(error: BaseException) -> Failure | None:
-    """The failure if Gymnasium knows no environment of this name; its message may contain a suggestion."""
-    if missing or not isinstance(error, gymnasium.error.Error):
-        return None
-    is_unknown = str(error).startswith(("No registered env", "Malformed environment ID"))
-    if not (is_unknown or isinstance(error, gymnasium.error.UnregisteredEnv)):
-        return None
+    """The failure if Gymnasium knows no environment of this name. Its message may suggest one."""
+    if not is_error_of_gymnasium(error, "UnregisteredEnv"):
+        starts = ("No registered env", "Malformed environment ID")
+        if not (is_error_of_gymnasium(error, "Error") and str(error).startswith(starts)):
+            return None
     help = "name the module that registers it, such as minigrid:MiniGrid-Empty-5x5-v0 or ale_py:ALE/Pong-v5"
     return Failure("unknown_id", message_of(error), help)
+
+
+def is_error_of_gymnasium(error: BaseException, name: str) -> bool:
+    return missing is None and isinstance(error, getattr(gymnasium.error, name))
 
 
 # Observations
@@ -224,7 +235,7 @@ def unknown_id(error: BaseException) -> Failure | None:
 
 @dataclass
 class Flat:
-    """How an observation becomes a row of numbers: their names and bounds, and what writes them into a row."""
+    """Names and bounds of the numbers of an observation, and what writes them into a row."""
 
     names: list[str]
     lows: list[float]
@@ -232,29 +243,45 @@ class Flat:
     write: Callable[[Any, Numbers], None]
 
 
-def flat(space: Any, one_hot: bool, prefix: str = "", key: str | None = None) -> Flat:
-    """Flattens a space, whose names begin with `prefix`; `key` is its name in a Dict.
+def flat_observations(space: Any, one_hot: bool) -> Flat:
+    """The whole observation, whose names are all different.
 
     Raises:
-        Failure: There is no way, of kind "space".
+        Failure: There is no way to turn it into a fixed number of numbers; of kind "space".
     """
-    place = f"observation `{prefix}{key or ''}`" if prefix or key is not None else "the observation"
+    found = flat(space, one_hot, "", None)
+    check_count(len(found.names))
+    if len(set(found.names)) < len(found.names):
+        found.names = [f"{name}.{i}" if found.names.count(name) > 1 else name for i, name in enumerate(found.names)]
+    return found
+
+
+def check_count(count: int) -> None:
+    if count > MAX_NUMBERS:
+        help = 'with discrete: "number", a state is one number; or leave some out with gymnasium.wrappers.FilterObservation'
+        raise Failure("space", f"an observation has {count} numbers, expected at most {MAX_NUMBERS}", help)
+
+
+def flat(space: Any, one_hot: bool, prefix: str, key: str | None) -> Flat:
+    """Part of an observation, whose names begin with `prefix`; `key` is its name in a Dict."""
+    place = f"observation `{prefix}{key or ''}`" if prefix or key else "the observation"
     if isinstance(space, spaces.Box):
-        return flat_box(space, prefix + (key or "observation"), place)
+        return flat_box(space, f"{prefix}{key or 'observation'}", place)
     if isinstance(space, spaces.Discrete):
-        return flat_discrete(space, one_hot, prefix + (key or "state"), place)
+        return flat_discrete(space, one_hot, f"{prefix}{key or 'state'}", place)
     if isinstance(space, spaces.MultiDiscrete):
-        return flat_multi_discrete(space, one_hot, prefix + (key or "component"), place)
+        return flat_multi_discrete(space, one_hot, f"{prefix}{key or 'component'}", place)
     if isinstance(space, spaces.MultiBinary):
-        return flat_multi_binary(space, prefix + (key or "bit"), place)
-    inner = prefix if key is None else f"{prefix}{key}."
+        count = math.prod(space.shape)
+        return Flat(numbered(f"{prefix}{key or 'bit'}", count), [0] * count, [1] * count, array_writer(space, place))
+    inner = f"{prefix}{key}." if key else prefix
     if isinstance(space, spaces.Dict):
         keys = sorted(space.spaces, key=str)
-        return flat_parts({each: flat(space[each], one_hot, inner, str(each)) for each in keys}, Mapping, place)
+        return joined({each: flat(space[each], one_hot, inner, str(each)) for each in keys}, Mapping, place)
     if isinstance(space, spaces.Tuple):
-        parts = {i: flat(each, one_hot, f"{inner}{i}.") for i, each in enumerate(space.spaces)}
-        return flat_parts(parts, (tuple, list), place)
-    help = "leave it out with gymnasium.wrappers.FilterObservation, or turn it into a Box with TransformObservation"
+        parts = {i: flat(each, one_hot, f"{inner}{i}.", None) for i, each in enumerate(space.spaces)}
+        return joined(parts, (tuple, list), place)
+    help = "leave it out with gymnasium.wrappers.FilterObservation, or make a Box of it with TransformObservation"
     raise Failure("space", f"{place} is a space of type {type(space).__name__}, which has no fixed number of numbers", help)
 
 
@@ -262,50 +289,55 @@ def numbered(stem: str, count: int) -> list[str]:
     return [f"{stem}_{i}" for i in range(count)]
 
 
-def wrong(place: str, value: Any, expected: str) -> Failure:
-    """The failure if an environment returns something that its spaces do not contain."""
-    with contextlib.suppress(Exception):
-        value = f"an array of shape {np.asarray(value).shape} and type {np.asarray(value).dtype}"
-    return Failure("shape", f"{place} is {value}, expected {expected}")
+def flat_box(space: spaces.Box, stem: str, place: str) -> Flat:
+    count = math.prod(space.shape)
+    if space.dtype == np.uint8 and len(space.shape) >= 2 and count > MAX_PICTURE_NUMBERS:
+        help = "choose a variant that observes numbers, or compute some with gymnasium.wrappers.TransformObservation"
+        raise Failure("space", f"{place} is a picture of shape {space.shape}, and pictures are not supported", help)
+    names = [stem] if count == 1 else numbered(stem, count)
+    return Flat(names, space.low.reshape(-1).tolist(), space.high.reshape(-1).tolist(), array_writer(space, place))
+
+
+def array_writer(space: Any, place: str) -> Callable[[Any, Numbers], None]:
+    shape, dtype, is_row = space.shape, space.dtype, len(space.shape) <= 1
+
+    def write(value: Any, row: Numbers) -> None:
+        if type(value) is not np.ndarray or value.dtype is not dtype or value.shape != shape:
+            value = as_array(value, shape, "fiub", place)
+        row[:] = value if is_row else value.reshape(-1)
+
+    return write
 
 
 def as_array(value: Any, shape: tuple[int, ...], kinds: str, place: str) -> Numbers:
-    """Raises: Failure: The value has another shape, or is of none of the kinds of NumPy."""
-    array: Numbers | None = None
-    with contextlib.suppress(ValueError, TypeError):
+    """Raises: Failure: The value has another shape, or a type of another kind; of kind "shape"."""
+    array = None
+    with contextlib.suppress(Exception):
         array = np.asarray(value)
     if array is None or array.shape != shape or array.dtype.kind not in kinds:
-        raise wrong(place, value, f"an array of shape {shape} of {'numbers' if 'f' in kinds else 'whole numbers'}")
+        expected = f"an array of shape {shape} of {'numbers' if 'f' in kinds else 'whole numbers'}"
+        raise Failure("shape", f"{place} is {text_of(value)}, expected {expected}")
     return array
 
 
-def flat_box(space: spaces.Box, stem: str, place: str) -> Flat:
-    shape = space.shape
-    count = math.prod(shape)
-    if space.dtype == np.uint8 and len(shape) >= 2 and count > MAX_PICTURE_NUMBERS:
-        help = "choose a variant of the environment that observes numbers, or compute some with TransformObservation"
-        raise Failure("space", f"{place} is a picture of shape {shape}, and pictures are not supported", help)
-    is_flat = len(shape) <= 1
-
-    def write(value: Any, row: Numbers) -> None:
-        if type(value) is not np.ndarray or value.shape != shape or value.dtype.kind not in "fiub":
-            value = as_array(value, shape, "fiub", place)
-        row[:] = value if is_flat else value.reshape(-1)
-
-    names = [stem] if count == 1 else numbered(stem, count)
-    return Flat(names, space.low.reshape(-1).tolist(), space.high.reshape(-1).tolist(), write)
+def text_of(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape} of {value.dtype}"
+    with contextlib.suppress(Exception):
+        return f"{type(value).__name__} {value!r:.60}"
+    return type(value).__name__
 
 
 def flat_discrete(space: spaces.Discrete, one_hot: bool, stem: str, place: str) -> Flat:
     start, count = int(space.start), int(space.n)
 
     def index(value: Any) -> int:
-        try:
+        found = -1
+        with contextlib.suppress(TypeError):
             found = operator.index(value) - start
-        except TypeError:
-            found = -1
         if not 0 <= found < count:
-            raise Failure("shape", f"{place} is {value!r:.100}, expected a whole number from {start} to {start + count - 1}")
+            expected = f"a whole number from {start} to {start + count - 1}"
+            raise Failure("shape", f"{place} is {text_of(value)}, expected {expected}")
         return found
 
     def write_one_hot(value: Any, row: Numbers) -> None:
@@ -316,81 +348,53 @@ def flat_discrete(space: spaces.Discrete, one_hot: bool, stem: str, place: str) 
         row[0] = index(value) + start
 
     if not one_hot:
-        return Flat([stem], [float(start)], [float(start + count - 1)], write_number)
+        return Flat([stem], [start], [start + count - 1], write_number)
     check_count(count)
     return Flat([f"{stem}_{start + i}" for i in range(count)], [0] * count, [1] * count, write_one_hot)
 
 
 def flat_multi_discrete(space: spaces.MultiDiscrete, one_hot: bool, stem: str, place: str) -> Flat:
-    counts, starts = space.nvec.reshape(-1), space.start.reshape(-1)
-    offsets = np.cumsum(counts) - counts
+    counts, starts = space.nvec.reshape(-1).astype(np.int64), space.start.reshape(-1).astype(np.int64)
+    begins = np.cumsum(counts) - counts
 
-    def numbers(value: Any) -> Numbers:
-        found = as_array(value, space.shape, "iub", place).reshape(-1)
-        if (found < starts).any() or (found >= starts + counts).any():
-            raise Failure("shape", f"{place} is {value!s:.100}, expected numbers below {(starts + counts).tolist()}")
+    def indices(value: Any) -> Numbers:
+        found = as_array(value, space.shape, "iub", place).reshape(-1) - starts
+        if (found < 0).any() or (found >= counts).any():
+            expected = f"whole numbers from {starts.tolist()} to {(starts + counts - 1).tolist()}"
+            raise Failure("shape", f"{place} is {text_of(value)}, expected {expected}")
         return found
 
     def write_one_hot(value: Any, row: Numbers) -> None:
         row[:] = 0
-        row[offsets + numbers(value) - starts] = 1
+        row[begins + indices(value)] = 1
 
     def write_numbers(value: Any, row: Numbers) -> None:
-        row[:] = numbers(value)
+        row[:] = indices(value) + starts
 
     if not one_hot:
-        lows, highs = starts.astype(float).tolist(), (starts + counts - 1).astype(float).tolist()
-        return Flat(numbered(stem, len(counts)), lows, highs, write_numbers)
+        lows, highs = map(float, starts), map(float, starts + counts - 1)
+        return Flat(numbered(stem, len(counts)), list(lows), list(highs), write_numbers)
     check_count(int(counts.sum()))
     names = [f"{stem}_{i}_is_{starts[i] + k}" for i in range(len(counts)) for k in range(counts[i])]
     return Flat(names, [0] * len(names), [1] * len(names), write_one_hot)
 
 
-def flat_multi_binary(space: spaces.MultiBinary, stem: str, place: str) -> Flat:
-    count = math.prod(space.shape)
-
-    def write(value: Any, row: Numbers) -> None:
-        row[:] = as_array(value, space.shape, "fiub", place).reshape(-1)
-
-    return Flat(numbered(stem, count), [0] * count, [1] * count, write)
-
-
-def flat_parts(parts: dict[Any, Flat], kind: Any, place: str) -> Flat:
-    """One row of the rows of all parts, which are the values of a Dict or Tuple."""
-    names = [name for part in parts.values() for name in part.names]
-    slices, end = [], 0
+def joined(parts: dict[Any, Flat], kind: Any, place: str) -> Flat:
+    """All parts of a Dict or Tuple in one row."""
+    writers, end = [], 0
     for key, part in parts.items():
-        slices.append((key, part.write, end, end + len(part.names)))
+        writers.append((key, part.write, end, end + len(part.names)))
         end += len(part.names)
 
     def write(value: Any, row: Numbers) -> None:
-        if not isinstance(value, kind) or len(value) < len(parts):
-            keys = ", ".join(map(str, parts))
-            raise Failure("shape", f"{place} is {type(value).__name__} {value!s:.100}, expected one with entries {keys}")
-        for key, write_part, begin, end in slices:
-            try:
-                inner = value[key]
-            except LookupError:
-                raise Failure("shape", f"{place} has no entry `{key}`") from None
-            write_part(inner, row[begin:end])
+        if not isinstance(value, kind) or len(value) < len(parts) or (kind is Mapping and not parts.keys() <= value.keys()):
+            raise Failure("shape", f"{place} is {text_of(value)}, expected entries {', '.join(map(str, parts))}")
+        for key, write_part, begin, end in writers:
+            write_part(value[key], row[begin:end])
 
-    lows = [low for part in parts.values() for low in part.lows]
-    return Flat(names, lows, [high for part in parts.values() for high in part.highs], write)
-
-
-def check_count(count: int) -> None:
-    if count > MAX_NUMBERS:
-        help = 'observe numbers instead of one per state with `discrete: "number"`, or leave some out with TransformObservation'
-        raise Failure("space", f"an observation has {count} numbers, expected at most {MAX_NUMBERS}", help)
-
-
-def observations_of(space: Any, one_hot: bool) -> Flat:
-    """The flat space, whose names are all different."""
-    found = flat(space, one_hot)
-    check_count(len(found.names))
-    if len(set(found.names)) < len(found.names):
-        found.names = [f"{name}.{i}" if found.names.count(name) > 1 else name for i, name in enumerate(found.names)]
-    return found
+    flats = parts.values()
+    names, lows, highs = ([each for part in flats for each in getattr(part, field)] for field in ("names", "lows", "highs"))
+    return Flat(names, lows, highs, write)
 
 
 # Actions
@@ -398,53 +402,48 @@ def observations_of(space: Any, one_hot: bool) -> Flat:
 
 @dataclass
 class Actions:
-    """Components of an action, and what turns rows of numbers into actions of the environment."""
+    """Components of an action, and what turns rows of numbers into new actions for the environment."""
 
     components: list[dict[str, Any]]
     convert: Callable[[Numbers], list[Any]]
 
 
 def actions_of(space: Any) -> Actions:
-    """Raises: Failure: The space is unbounded, or of another kind; of kind "space"."""
+    """Raises: Failure: The actions have no bounds, or are of another type of space; of kind "space"."""
     if isinstance(space, spaces.Discrete):
         start = int(space.start)
         return discrete([int(space.n)], lambda rows: (rows[:, 0].astype(np.int64) + start).tolist())
     if isinstance(space, spaces.MultiDiscrete):
-        starts = space.start
-        return discrete(space.nvec.reshape(-1).tolist(), lambda rows: list(rows.astype(starts.dtype).reshape(-1, *starts.shape) + starts))
+        starts, shape = space.start, space.shape
+        convert = lambda rows: list(rows.astype(starts.dtype).reshape(-1, *shape) + starts)  # noqa: E731
+        return discrete(space.nvec.reshape(-1).tolist(), convert)
     if isinstance(space, spaces.MultiBinary):
         shape = space.shape
         return discrete([2] * math.prod(shape), lambda rows: list(rows.astype(np.int8).reshape(-1, *shape)))
     if isinstance(space, spaces.Box):
         return continuous(space)
-    help = "wrap the environment with gymnasium.wrappers.TransformAction, which makes its actions from a Box or MultiDiscrete"
+    help = "wrap it with gymnasium.wrappers.TransformAction, with an action_space that is a Box or MultiDiscrete"
     raise Failure("space", f"the action is a space of type {type(space).__name__}, which is not supported", help)
 
 
 def discrete(counts: list[int], convert: Callable[[Numbers], list[Any]]) -> Actions:
-    names = numbered("action", len(counts))
-    return Actions([{"name": name, "kind": "discrete", "count": count} for name, count in zip(names, counts)], convert)
+    return Actions([{"name": f"action_{i}", "kind": "discrete", "count": n} for i, n in enumerate(counts)], convert)
 
 
 def continuous(space: spaces.Box) -> Actions:
-    lows, highs = space.low.reshape(-1).tolist(), space.high.reshape(-1).tolist()
-    if not all(abs(bound) < UNBOUNDED_ACTION for bound in (*lows, *highs)):
-        help = "give it bounds with gymnasium.wrappers.TransformAction and an action_space that is a Box with finite bounds"
+    bounds = list(zip(map(float, space.low.reshape(-1)), map(float, space.high.reshape(-1)), strict=True))
+    if not all(abs(bound) < MAX_ACTION_BOUND for pair in bounds for bound in pair):
+        help = "wrap it with gymnasium.wrappers.TransformAction, with an action_space that has finite bounds"
         raise Failure("space", "the action is a Box without finite bounds", help)
-    names = numbered("action", len(lows))
-    components = [
-        {"name": name, "kind": "continuous", "low": low, "high": high}
-        for name, low, high in zip(names, lows, highs)
-    ]
-    if space.dtype == np.float32:
-        return Actions(components, lambda rows: list(rows.astype(np.float32).reshape(-1, *space.shape)))
-    is_whole = np.issubdtype(space.dtype, np.integer)
+    shape, dtype, low, high = space.shape, space.dtype, space.low, space.high
+    is_whole = np.issubdtype(dtype, np.integer)
 
     def convert(rows: Numbers) -> list[Any]:
-        # Bounds that single precision rounds to the outside must stay inside.
-        values = np.rint(rows) if is_whole else rows
-        return list(np.clip(values.astype(space.dtype).reshape(-1, *space.shape), space.low, space.high))
+        actions = (np.rint(rows) if is_whole else rows).astype(dtype).reshape(-1, *shape)
+        # Only in single precision are bounds the same numbers here and there.
+        return list(actions if dtype == np.float32 else np.clip(actions, low, high))
 
+    components = [{"name": f"action_{i}", "kind": "continuous", "low": a, "high": b} for i, (a, b) in enumerate(bounds)]
     return Actions(components, convert)
 
 
@@ -453,20 +452,17 @@ def continuous(space: spaces.Box) -> Actions:
 
 def maker_of(config: dict[str, Any]) -> tuple[Callable[[], Environment], Path | None]:
     """What makes a copy of the environment, and the file with the function that does."""
-    for folder in reversed(config.get("path") or []):
-        sys.path.insert(0, folder)
+    sys.path[:0] = config.get("path") or []
     kwargs, limit = dict(config.get("kwargs") or {}), config.get("time_limit")
     file, _, name = config["id"].rpartition(":")
-    if file.endswith(".py"):
-        function = function_of(Path(file), name)
-        if config.get("render") and takes_render_mode(function):
-            kwargs.setdefault("render_mode", "rgb_array")
+    function = function_of(Path(file), name) if file.endswith(".py") else None
+    if config.get("render") and (function is None or takes_render_mode(function)):
+        kwargs.setdefault("render_mode", "rgb_array")
+    if function is not None:
         return partial(call, function, kwargs, limit), Path(file)
     if limit is not None:
         kwargs["max_episode_steps"] = limit
-    if config.get("render"):
-        kwargs.setdefault("render_mode", "rgb_array")
-    # Its checks are made here in fewer words; a layer less is also faster.
+    # The worker checks what environments return; one wrapper less is faster.
     kwargs.setdefault("disable_env_checker", True)
     return partial(gymnasium.make, config["id"], **kwargs), None
 
@@ -482,11 +478,12 @@ def function_of(path: Path, name: str) -> Callable[..., Any]:
     module = importlib.util.module_from_spec(module_spec)
     sys.modules[module_name] = module
     module_spec.loader.exec_module(module)
-    function = getattr(module, name, None)
-    if not callable(function):
-        found = ", ".join(key for key, value in vars(module).items() if callable(value) and value.__module__ == module_name)
-        raise Failure("unknown_id", f"{path} has no function `{name}`", f"choose one of its functions: {found}" if found else None)
-    return function  # type: ignore[no-any-return]
+    functions: dict[str, Callable[..., Any]] = {key: each for key, each in vars(module).items() if callable(each)}
+    if name not in functions:
+        own = [key for key, each in functions.items() if getattr(each, "__module__", None) == module_name]
+        help = f"choose one of its functions: {', '.join(own)}" if own else None
+        raise Failure("unknown_id", f"{path} has no function `{name}`", help)
+    return functions[name]
 
 
 def takes_render_mode(function: Callable[..., Any]) -> bool:
@@ -497,52 +494,49 @@ def takes_render_mode(function: Callable[..., Any]) -> bool:
 
 
 def call(function: Callable[..., Any], kwargs: dict[str, Any], limit: int | None) -> Environment:
-    environment = function(**kwargs)
-    if not isinstance(environment, gymnasium.Env):
-        message = f"{function.__name__} returned {type(environment).__name__}, expected a gymnasium.Env"
-        raise Failure("make", message)
-    return environment if limit is None else gymnasium.wrappers.TimeLimit(environment, limit)
+    made = function(**kwargs)
+    if not isinstance(made, gymnasium.Env):
+        raise Failure("make", f"the function returned {text_of(made)}, expected a gymnasium.Env")
+    return made if limit is None else gymnasium.wrappers.TimeLimit(made, limit)
 
 
 # Description
 
 
 def description(environment: Environment, observations: Flat, actions: Actions, file: Path | None) -> dict[str, Any]:
-    bounds = zip(observations.names, observations.lows, observations.highs)
-    spec, fps = environment.spec, environment.metadata.get("render_fps")
-    fps = positive(fps)
+    """What the program needs to know; null for what there is not."""
+    bounds = zip(observations.names, observations.lows, observations.highs, strict=True)
+    fps = positive(environment.metadata.get("render_fps"))
+    threshold = environment.spec.reward_threshold if environment.spec is not None else None
+    dt = None
+    # A property that not all environments compute without an episode.
+    with contextlib.suppress(Exception):
+        dt = getattr(environment.unwrapped, "dt", None)
     return {
         "observations": [{"name": name, "low": bound(low), "high": bound(high)} for name, low, high in bounds],
         "actions": actions.components,
         "time_limit": time_limit(environment),
-        "reward_threshold": None if spec is None else finite(spec.reward_threshold),
-        "control_step": positive(dt_of(environment)) or (1 / fps if fps else 1.0),
+        "reward_threshold": None if threshold is None else finite(threshold),
+        "control_step": positive(dt) or (1.0 / fps if fps else 1.0),
         "versions": versions(environment),
         "source": source(environment, file),
         "render_fps": fps,
     }
 
 
-def finite(value: Any) -> float | None:
-    return float(value) if value is not None and math.isfinite(value) else None
+def finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
 
 
 def bound(value: float) -> float | None:
-    return float(value) + 0.0 if abs(value) < UNBOUNDED else None
+    # Zero is added because some bounds are -0.0.
+    return float(value) + 0.0 if abs(value) < MAX_OBSERVATION_BOUND else None
 
 
 def positive(value: Any) -> float | None:
     with contextlib.suppress(TypeError, ValueError):
         return float(value) if 0 < float(value) < math.inf else None
     return None
-
-
-def dt_of(environment: Environment) -> Any:
-    """Seconds per step; a property of environments with MuJoCo, which others may use for something else."""
-    try:
-        return getattr(environment.unwrapped, "dt", None)
-    except Exception:
-        return None
 
 
 def time_limit(environment: Environment) -> int | None:
@@ -556,18 +550,16 @@ def time_limit(environment: Environment) -> int | None:
 
 
 def versions(environment: Environment) -> dict[str, str]:
-    """Versions of all that changes results."""
     package = type(environment.unwrapped).__module__.partition(".")[0]
-    names = ["gymnasium", "numpy", package, *(engine for engine in ENGINES if engine in sys.modules)]
     found = {"python": platform.python_version()}
-    for name in names:
+    for name in ("gymnasium", "numpy", package, *(each for each in ENGINES if each in sys.modules)):
         with contextlib.suppress(importlib.metadata.PackageNotFoundError, ValueError):
             found[name] = importlib.metadata.version(name)
     return found
 
 
 def source(environment: Environment, file: Path | None) -> dict[str, str] | None:
-    """The file that defines the environment, unless Gymnasium does, and the checksum of its content."""
+    """The file that defines the environment, unless Gymnasium does, and the checksum of its bytes."""
     module = type(environment.unwrapped).__module__
     if file is None and module.partition(".")[0] == "gymnasium":
         return None
@@ -580,7 +572,7 @@ def source(environment: Environment, file: Path | None) -> dict[str, str] | None
 # Episodes
 
 
-def reset(environment: Environment, seed: int) -> tuple[Any, Any]:
+def checked_reset(environment: Environment, seed: int) -> tuple[Any, Any]:
     """Observation and info."""
     result = environment.reset(seed=seed)
     if type(result) is not tuple or len(result) != 2:
@@ -588,38 +580,46 @@ def reset(environment: Environment, seed: int) -> tuple[Any, Any]:
     return result
 
 
-def bad_step(result: Any) -> Failure:
-    expected = "5 values: observation, reward, terminated, truncated, info"
-    return Failure("shape", f"step returned {amount(result)}, expected {expected}")
+def check_step(result: Any) -> None:
+    if type(result) is not tuple or len(result) != 5:
+        expected = "5 values: observation, reward, terminated, truncated, info"
+        raise Failure("shape", f"step returned {amount(result)}, expected {expected}")
 
 
 def amount(result: Any) -> str:
-    return f"{len(result)} values" if isinstance(result, tuple) else type(result).__name__
+    return f"{len(result)} values" if isinstance(result, tuple) else text_of(result)
 
 
 def number(value: Any, place: str) -> float:
     array = None
-    with contextlib.suppress(ValueError, TypeError):
+    with contextlib.suppress(Exception):
         array = np.asarray(value)
     if array is None or array.size != 1 or array.dtype.kind not in "fiub":
-        raise Failure("shape", f"{place} is {value!r:.100}, expected a number")
+        raise Failure("shape", f"{place} is {text_of(value)}, expected a number")
     return float(array.reshape(()))
 
 
 def write_info(info: Any, names: list[str], row: Numbers, is_reset: bool) -> None:
-    """Writes entries of an info into a row. Many environments have them only after a step: NaN after a reset."""
+    """Writes entries of an info into a row. After a reset, those that only steps have are NaN."""
     for column, name in enumerate(names):
-        if is_reset and name not in info:
-            row[column] = math.nan
-        elif name not in info:
-            raise Failure("shape", f"info of this step has no `{name}`; it has {', '.join(map(str, info)) or 'nothing'}")
-        else:
+        if name in info:
             row[column] = number(info[name], f"`{name}` of info")
+        elif is_reset:
+            row[column] = math.nan
+        else:
+            raise Failure("shape", f"info of a step has no `{name}`, only: {', '.join(map(str, info)) or 'nothing'}")
+
+
+def answer_memory(tag: bytes, count: int, more: int) -> tuple[memoryview[int], Numbers]:
+    """A frame of `count` numbers and `more` bytes, and its numbers, which are aligned in memory."""
+    memory = bytearray(8 + 4 * count + more)
+    HEADER.pack_into(memory, 8 - HEADER.size, 4 * count + more, tag)
+    return memoryview(memory)[8 - HEADER.size :], np.frombuffer(memory, "<f4", count, 8)
 
 
 @dataclass
 class Environments:
-    """All copies, and the answers of resets and steps, whose memory is used again for each answer."""
+    """All copies, and memory of the answers to resets and steps, which is used again for each."""
 
     make: Callable[[], Environment]
     copies: list[Environment]
@@ -629,39 +629,34 @@ class Environments:
 
     def __post_init__(self) -> None:
         count, width, extra = len(self.copies), len(self.observations.names), len(self.log_info)
-        self.reset_answer, row = answer(b"r", width + extra, 0)
+        self.reset_answer, row = answer_memory(b"r", width + extra, 0)
         self.reset_row, self.reset_info = row[:width], row[width:]
-        self.step_answer, self.numbers = answer(b"s", count * (width + 1 + extra), count)
+        self.step_answer, self.numbers = answer_memory(b"s", count * (width + 1 + extra), count)
         self.rows = list(self.numbers[: count * width].reshape(count, width))
         self.rewards = self.numbers[count * width : count * (width + 1)]
         self.infos = list(self.numbers[count * (width + 1) :].reshape(count, extra))
         self.status = self.step_answer[len(self.step_answer) - count :]
-        self.all_not_live = bytes([NOT_LIVE]) * count
-        # A check of the type is faster than a conversion.
         self.number_types = frozenset({float, int, bool, np.float64, np.float32, np.int64})
 
     def reset(self, copy: int, seed: int) -> memoryview[int]:
-        try:
-            observation, info = reset(self.copies[copy], seed)
+        with failing_as("reset", copy):
+            observation, info = checked_reset(self.copies[copy], seed)
             self.observations.write(observation, self.reset_row)
             write_info(info, self.log_info, self.reset_info, is_reset=True)
-        except BaseException as error:
-            raise failure(error, "reset", copy) from None
         return self.reset_answer
 
     def step(self, is_live: Numbers, actions: Numbers) -> memoryview[int]:
-        """Steps the copies that are live, each with the numbers of a row of actions."""
+        """Steps the copies that are live, each with the numbers of its row. Thousands of times per second."""
         self.numbers.fill(0)
-        self.status[:] = self.all_not_live
+        self.status[:] = bytes((NOT_LIVE,)) * len(self.copies)
+        copies, rows, rewards, status, number_types = self.copies, self.rows, self.rewards, self.status, self.number_types
+        write, log_info, copy = self.observations.write, self.log_info, None
         live = is_live.nonzero()[0]
-        rows, rewards, status, write = self.rows, self.rewards, self.status, self.observations.write
-        copies, log_info, number_types = self.copies, self.log_info, self.number_types
-        copy = None
         try:
-            for copy, action in zip(live.tolist(), self.actions.convert(actions[live])):
+            for copy, action in zip(live.tolist(), self.actions.convert(actions[live]), strict=True):
                 result = copies[copy].step(action)
                 if type(result) is not tuple or len(result) != 5:
-                    raise bad_step(result)
+                    check_step(result)
                 observation, reward, terminated, truncated, info = result
                 write(observation, rows[copy])
                 rewards[copy] = reward if type(reward) in number_types else number(reward, "the reward")
@@ -673,115 +668,110 @@ class Environments:
         return self.step_answer
 
     def picture(self, copy: int) -> bytes:
-        try:
-            frame = self.copies[copy].render()
-        except BaseException as error:
-            raise failure(error, "render", copy) from None
-        frame = frame[-1] if isinstance(frame, list) and frame else frame
-        if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.ndim != 3 or frame.shape[2] not in (3, 4):
-            raise Failure("render", f"render returned {type(frame).__name__}, expected an array of height × width × 3 of uint8", None, copy)
-        return TWO_NUMBERS.pack(*frame.shape[:2]) + frame[:, :, :3].tobytes()
+        """Height, width and colors."""
+        with failing_as("render", copy):
+            picture: Any = self.copies[copy].render()
+            if not isinstance(picture, np.ndarray) or picture.dtype != np.uint8 or picture.shape[2:] != (3,):
+                expected = "an array of height × width × 3 of uint8"
+                raise Failure("render", f"render returned {text_of(picture)}, expected {expected}")
+            return TWO_NUMBERS.pack(*picture.shape[:2]) + picture.tobytes()
 
     def close(self) -> None:
         for environment in self.copies:
-            with contextlib.suppress(BaseException):
-                environment.close()
+            close(environment)
 
 
-def answer(tag: bytes, count: int, more: int) -> tuple[memoryview, Numbers]:
-    """Memory of an answer with `count` numbers and `more` bytes, and its numbers, which are aligned."""
-    memory = bytearray(8 + 4 * count + more)
-    HEADER.pack_into(memory, 8 - HEADER.size, 4 * count + more, tag)
-    return memoryview(memory)[8 - HEADER.size :], np.frombuffer(memory, "<f4", count, 8)
+def close(environment: Environment) -> None:
+    with contextlib.suppress(BaseException):
+        environment.close()
 
 
 # Probe
 
 
-Episode: TypeAlias = "list[tuple[Numbers, float, int]]"
-"""Observation, reward and status after the reset and after each step."""
-
-
-def random_actions(actions: Actions, seed: int) -> Iterator[Any]:
-    """Uniformly random actions without end."""
-    generator = np.random.Generator(np.random.PCG64(seed))
-    lows = np.array([each.get("low", 0.0) for each in actions.components])
-    spans = np.array([each["high"] if "high" in each else each["count"] for each in actions.components]) - lows
-    is_discrete = np.array([each["kind"] == "discrete" for each in actions.components])
-    while True:
-        values = lows + spans * generator.random((256, len(lows)))
-        yield from actions.convert(np.where(is_discrete, np.floor(values), values).astype(np.float32))
+def probe(environments: Environments, steps: int, seed: int, seeds: int) -> dict[str, Any]:
+    """Ranges, speed, and whether a reset with a seed determines an episode, in environments that are not served."""
+    player = Player(environments.make, environments.observations, environments.actions)
+    measured = player.measure(steps, seed)
+    difference = player.difference(seed, seeds)
+    return {**measured, "reproducible": difference is None, "difference": difference}
 
 
 @dataclass
-class Probe:
-    """Plays random episodes, in double precision, and measures."""
+class Player:
+    """Plays random episodes. A step is the observation, in double precision, the reward and the status.
 
-    environments: Environments
+    `seconds` is the time that environments took for all resets and steps.
+    """
+
+    make_environment: Callable[[], Environment]
+    observations: Flat
+    actions: Actions
     seconds: float = 0.0
 
     def make(self) -> Environment:
-        try:
-            return self.environments.make()
-        except BaseException as error:
-            raise failure(error, "make") from None
+        with failing_as("make"):
+            return self.make_environment()
 
-    def reset(self, environment: Environment, seed: int) -> Numbers:
-        row = np.zeros(len(self.environments.observations.names))
-        try:
+    def random_actions(self, seed: int) -> Iterator[Any]:
+        """Uniformly random actions without end."""
+        generator = np.random.Generator(np.random.PCG64(seed))
+        components = self.actions.components
+        lows = np.array([each.get("low", 0.0) for each in components])
+        highs = np.array([each.get("high", each.get("count")) for each in components], float)
+        is_discrete = np.array([each["kind"] == "discrete" for each in components])
+        while True:
+            values = lows + (highs - lows) * generator.random((256, len(components)))
+            yield from self.actions.convert(np.where(is_discrete, np.floor(values), values).astype(np.float32))
+
+    def reset(self, environment: Environment, seed: int) -> Step:
+        row = np.zeros(len(self.observations.names))
+        with failing_as("reset"):
             begin = time.perf_counter()
-            observation, _ = reset(environment, seed)
+            observation, _ = checked_reset(environment, seed)
             self.seconds += time.perf_counter() - begin
-            self.environments.observations.write(observation, row)
-        except BaseException as error:
-            raise failure(error, "reset") from None
-        return row
+            self.observations.write(observation, row)
+        return row, 0.0, RUNNING
 
-    def step(self, environment: Environment, action: Any) -> tuple[Numbers, float, int]:
-        row = np.zeros(len(self.environments.observations.names))
-        try:
+    def step(self, environment: Environment, action: Any) -> Step:
+        row = np.zeros(len(self.observations.names))
+        with failing_as("step"):
             begin = time.perf_counter()
             result = environment.step(action)
             self.seconds += time.perf_counter() - begin
-            if type(result) is not tuple or len(result) != 5:
-                raise bad_step(result)
-            self.environments.observations.write(result[0], row)
-            reward = number(result[1], "the reward")
-            return row, reward, TERMINATED if result[2] else TRUNCATED if result[3] else RUNNING
-        except BaseException as error:
-            raise failure(error, "step") from None
+            check_step(result)
+            self.observations.write(result[0], row)
+            status = TERMINATED if result[2] else TRUNCATED if result[3] else RUNNING
+            return row, number(result[1], "the reward"), status
 
-    def episode(self, environment: Environment, seed: int, max_steps: int) -> Episode:
-        """An episode with random actions that the seed determines."""
-        found: Episode = [(self.reset(environment, seed), 0.0, RUNNING)]
-        for action in islice(random_actions(self.environments.actions, seed), max_steps):
-            found.append(self.step(environment, action))
-            if found[-1][2] != RUNNING:
+    def episode(self, environment: Environment, seed: int, max_steps: int) -> list[Step]:
+        """An episode with random actions. The seed determines them and the reset."""
+        steps = [self.reset(environment, seed)]
+        for action in islice(self.random_actions(seed), max_steps):
+            steps.append(self.step(environment, action))
+            if steps[-1][2] != RUNNING:
                 break
-        return found
+        return steps
 
     def measure(self, steps: int, seed: int) -> dict[str, Any]:
-        """Ranges of observations, speed, and lengths of episodes, in a number of steps with random actions."""
+        """Ranges of observations, steps per second and lengths of episodes."""
         environment, lengths, length = self.make(), [], 0
-        row = self.reset(environment, seed)
-        lows, highs = row.copy(), row.copy()
-        for done, action in enumerate(islice(random_actions(self.environments.actions, seed), steps), 1):
-            row, _, status = self.step(environment, action)
-            np.fmin(lows, row, out=lows)
-            np.fmax(highs, row, out=highs)
+        lows = self.reset(environment, seed)[0]
+        highs = lows.copy()
+        for done, action in enumerate(islice(self.random_actions(seed), steps), 1):
+            rows = [self.step(environment, action)]
             length += 1
-            if status == RUNNING:
-                continue
-            lengths.append(length)
-            length = 0
-            if done < steps:
-                row = self.reset(environment, seed + len(lengths))
+            if rows[0][2] != RUNNING:
+                lengths.append(length)
+                length = 0
+                if done < steps:
+                    rows.append(self.reset(environment, seed + len(lengths)))
+            for row, _, _ in rows:
                 np.fmin(lows, row, out=lows)
                 np.fmax(highs, row, out=highs)
-        with contextlib.suppress(BaseException):
-            environment.close()
+        close(environment)
         return {
-            "ranges": [[finite(low), finite(high)] for low, high in zip(lows, highs)],
+            "ranges": [[finite(low), finite(high)] for low, high in zip(lows, highs, strict=True)],
             "steps_per_second": steps / self.seconds,
             "episodes": len(lengths),
             "mean_length": sum(lengths) / len(lengths) if lengths else float(steps),
@@ -791,61 +781,43 @@ class Probe:
     def difference(self, seed: int, seeds: int) -> str | None:
         """What differs between episodes in a fresh environment and in one that has played others before."""
         used = self.make()
-        try:
-            for reset_seed in range(seed, seed + seeds):
-                fresh = self.make()
-                expected = self.episode(fresh, reset_seed, EPISODE_STEPS)
-                with contextlib.suppress(BaseException):
-                    fresh.close()
-                for other_seed, history in ((seed + seeds, max(1, len(expected) // 2)), (seed + seeds + 1, HISTORY_STEPS)):
-                    self.episode(used, reset_seed + other_seed, history)
-                    found = self.episode(used, reset_seed, EPISODE_STEPS)
-                    if (text := self.compare(expected, found)) is not None:
-                        return text
-            return None
-        finally:
-            with contextlib.suppress(BaseException):
-                used.close()
-
-    def compare(self, expected: Episode, found: Episode) -> str | None:
-        """The first bits that differ."""
-        words = ("runs", "terminated", "truncated")
-        for step, (fresh, used) in enumerate(zip(expected, found)):
-            where = f"of step {step}" if step > 0 else "after the reset"
-            columns = np.flatnonzero(fresh[0].view(np.int64) != used[0].view(np.int64))
-            if len(columns) > 0:
-                name, column = self.environments.observations.names[columns[0]], columns[0]
-                return unlike(f"observation `{name}` {where}", float(fresh[0][column]), float(used[0][column]))
-            if struct.pack("<d", fresh[1]) != struct.pack("<d", used[1]):
-                return unlike(f"reward {where}", fresh[1], used[1])
-            if fresh[2] != used[2]:
-                return unlike(f"end {where}", words[fresh[2]], words[used[2]])
+        for reset_seed in range(seed, seed + seeds):
+            fresh = self.make()
+            expected = self.episode(fresh, reset_seed, COMPARED_STEPS)
+            close(fresh)
+            for other_seed, max_steps in (seed + seeds, max(1, len(expected) // 2)), (seed + seeds + 1, HISTORY_STEPS):
+                self.episode(used, other_seed, max_steps)
+                found = self.episode(used, reset_seed, COMPARED_STEPS)
+                differences = map(self.difference_of_step, range(len(expected)), expected, found)
+                if (first := next(filter(None, differences), None)) is not None:
+                    return first
+        close(used)
         return None
 
-
-def unlike(what: str, fresh: object, used: object) -> str:
-    return f"{what}: {fresh} in a fresh environment, {used} in a used one"
-
-
-def probe(environments: Environments, steps: int, seed: int, seeds: int) -> dict[str, Any]:
-    """Ranges, speed, and whether a reset with a seed determines an episode; copies that are served are not touched."""
-    found = Probe(environments).measure(steps, seed)
-    difference = Probe(environments).difference(seed, seeds)
-    return {**found, "reproducible": difference is None, "difference": difference}
+    def difference_of_step(self, number: int, fresh: Step, used: Step) -> str | None:
+        place = f"of step {number}" if number > 0 else "after the reset"
+        for column in np.flatnonzero(fresh[0].view(np.int64) != used[0].view(np.int64)):
+            name = f"observation `{self.observations.names[column]}`"
+            return f"{name} {place}: {fresh[0][column]} in a fresh environment, {used[0][column]} in a used one"
+        if struct.pack("<d", fresh[1]) != struct.pack("<d", used[1]):
+            return f"reward {place}: {fresh[1]} in a fresh environment, {used[1]} in a used one"
+        if fresh[2] != used[2]:
+            return f"end {place}: {STATUS_WORDS[fresh[2]]} in a fresh environment, {STATUS_WORDS[used[2]]} in a used one"
+        return None
 
 
 # Serving
 
 
 class Stream:
-    """Frames over a socket; see the top of this file."""
+    """Receives frames."""
 
     def __init__(self, connection: socket.socket) -> None:
         self.connection = connection
         self.buffer = bytearray(1 << 16)
         self.begin = self.end = 0
 
-    def receive(self) -> tuple[bytes, memoryview] | None:
+    def receive(self) -> tuple[bytes, memoryview[int]] | None:
         """The tag and payload of the next frame, until the next call; None at the end of the stream."""
         if not self.fill(HEADER.size):
             return None
@@ -858,7 +830,7 @@ class Stream:
 
     def fill(self, count: int) -> bool:
         """Receives until there are `count` bytes; False if the stream ends before."""
-        if self.begin + count > len(self.buffer) or self.begin == self.end:
+        if self.begin == self.end or self.begin + count > len(self.buffer):
             rest = self.buffer[self.begin : self.end]
             if count > len(self.buffer):
                 self.buffer = bytearray(2 * count)
@@ -881,29 +853,6 @@ def json_frame(tag: bytes, content: dict[str, Any]) -> bytes:
     return frame(tag, json.dumps(content, ensure_ascii=False, allow_nan=False).encode("utf-8", "replace"))
 
 
-def configured(config: dict[str, Any]) -> tuple[Environments, dict[str, Any]]:
-    """Makes all copies, and describes them."""
-    if missing is not None:
-        raise failure(missing, "missing_package")
-    try:
-        make, file = maker_of(config)
-        copies = [make() for _ in range(config["copies"])]
-    except BaseException as error:
-        is_render = bool(config.get("render")) and "render_mode" in message_of(error)
-        raise failure(error, "render" if is_render else "make") from None
-    if len({id(environment.unwrapped) for environment in copies}) < len(copies):
-        raise Failure("make", f"{config['id']} returned one environment twice, expected a new one for each call")
-    first = copies[0]
-    observations = observations_of(first.observation_space, config.get("discrete", "one_hot") == "one_hot")
-    actions = actions_of(first.action_space)
-    widths = {"observation_width": len(observations.names), "action_width": len(actions.components)}
-    for name, width in (config.get("expected") or {}).items():
-        if widths.get(name, width) != width:
-            raise Failure("space", f"{name.replace('_', ' ')} is {widths[name]}, expected {width}")
-    environments = Environments(make, copies, observations, actions, list(config.get("log_info") or []))
-    return environments, description(first, observations, actions, file)
-
-
 class Worker:
     """Answers requests."""
 
@@ -920,42 +869,46 @@ class Worker:
         if self.environments is not None:
             self.environments.close()
 
-    def answer(self, tag: bytes, payload: memoryview) -> bytes | memoryview:
+    def answer(self, tag: bytes, payload: memoryview[int]) -> bytes | memoryview[int]:
         try:
-            if tag == b"C" and self.environments is None:
-                self.environments, content = configured(json.loads(bytes(payload)))
-                return json_frame(b"J", content)
-            if self.environments is not None and tag in ANSWERS:
-                return ANSWERS[tag](self.environments, payload)
-            raise Failure("protocol", f"unexpected request {tag!r}")
+            if self.environments is None and tag == b"C":
+                return self.configure(**json.loads(bytes(payload)))
+            if self.environments is None or tag not in (b"R", b"S", b"P", b"F"):
+                raise Failure("protocol", f"unexpected request {tag!r}")
+            return answer(self.environments, tag, payload)
         except BaseException as error:
             return json_frame(b"E", failure(error, "protocol").content)
 
+    def configure(self, **config: Any) -> bytes:
+        """Makes all copies, and describes them."""
+        if missing is not None:
+            raise missing
+        with failing_as("make"):
+            make, file = maker_of(config)
+            copies = [make() for _ in range(config["copies"])]
+            if len({id(each.unwrapped) for each in copies}) < len(copies):
+                raise Failure("make", "one environment was made twice, expected a new one for each copy")
+        observations = flat_observations(copies[0].observation_space, config.get("discrete") != "number")
+        actions = actions_of(copies[0].action_space)
+        widths = {"observation_width": len(observations.names), "action_width": len(actions.components)}
+        for name, width in (config.get("expected") or {}).items():
+            if widths[name] != width:
+                raise Failure("space", f"{name} is {widths[name]}, expected {width}")
+        content = description(copies[0], observations, actions, file)
+        self.environments = Environments(make, copies, observations, actions, list(config.get("log_info") or []))
+        return json_frame(b"J", content)
 
-def answer_reset(environments: Environments, payload: memoryview) -> memoryview[int]:
-    return environments.reset(*TWO_NUMBERS.unpack(payload))
 
-
-def answer_step(environments: Environments, payload: memoryview) -> memoryview[int]:
-    count, width = len(environments.copies), len(environments.actions.components)
-    is_live = np.frombuffer(payload, np.uint8, count)
-    return environments.step(is_live, np.frombuffer(payload, "<f4", count * width, count).reshape(count, width))
-
-
-def answer_probe(environments: Environments, payload: memoryview) -> bytes:
-    return json_frame(b"J", probe(environments, **json.loads(bytes(payload))))
-
-
-def answer_picture(environments: Environments, payload: memoryview) -> bytes:
+def answer(environments: Environments, tag: bytes, payload: memoryview[int]) -> bytes | memoryview[int]:
+    if tag == b"S":
+        count, width = len(environments.copies), len(environments.actions.components)
+        is_live = np.frombuffer(payload, np.uint8, count)
+        return environments.step(is_live, np.frombuffer(payload, "<f4", count * width, count).reshape(count, width))
+    if tag == b"R":
+        return environments.reset(*TWO_NUMBERS.unpack(payload))
+    if tag == b"P":
+        return json_frame(b"J", probe(environments, **json.loads(bytes(payload))))
     return frame(b"I", environments.picture(int.from_bytes(payload, "little")))
-
-
-ANSWERS: dict[bytes, Callable[[Environments, memoryview], bytes | memoryview[int]]] = {
-    b"R": answer_reset,
-    b"S": answer_step,
-    b"P": answer_probe,
-    b"F": answer_picture,
-}
 
 
 if __name__ == "__main__":
