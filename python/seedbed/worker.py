@@ -94,7 +94,8 @@ ENGINES = ("Box2D", "ale_py", "jax", "mujoco", "pybullet")
 def prepare_process() -> socket.socket:
     """Returns the stream. Must be called before NumPy is imported, which starts threads."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    # Processes that environments start must not ignore it too.
+    signal.signal(signal.SIGTERM, lambda number, frame: None)
     for library in ("OMP", "OPENBLAS", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     try:
@@ -116,8 +117,14 @@ def take_stream() -> socket.socket:
     os.dup2(2, 1)
     sys.stdout = sys.stderr
     if hasattr(os, "register_at_fork"):
-        os.register_at_fork(after_in_child=connection.close)
+        os.register_at_fork(after_in_child=partial(become_child, connection))
     return connection
+
+
+def become_child(connection: socket.socket) -> None:
+    """Makes a process that an environment forks independent of the program."""
+    connection.close()
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def end_with_parent() -> None:

@@ -222,6 +222,21 @@ def remembering():
         return 0.0, steps[0] % 7 == 0, False, {}
     return Scripted(lambda: np.array([0, min(steps[0], 30)], np.float32), spaces.Box(0, 100, (2,)), on_step=on_step)
 
+def parental():
+    """Terminates a forked and a started process in each step, and observes their exit status."""
+    import multiprocessing, subprocess
+    def on_step(action):
+        forked = multiprocessing.get_context("fork").Process(target=time.sleep, args=(60,), daemon=True)
+        forked.start()
+        started = subprocess.Popen([sys.executable, "-c", "import time; print(1, flush=True); time.sleep(60)"], stdout=-1)
+        started.stdout.read(1)
+        forked.terminate(), started.terminate()
+        forked.join()
+        seen[0] = np.array([forked.exitcode, started.wait()], np.float32)
+        return 0.0, False, False, {}
+    seen = [np.zeros(2, np.float32)]
+    return Scripted(lambda: seen[0], on_step=on_step)
+
 class Walk(gymnasium.Env):
     observation_space, action_space = spaces.Box(-np.inf, np.inf, (2,), np.float64), spaces.Box(-1, 1, (1,))
 
@@ -915,6 +930,12 @@ def test_the_worker_ignores_signals_and_ends_with_the_stream():
         assert len(worker.reset()) == 4
         worker.socket.close()
         assert worker.process.wait(timeout=60) == 0
+
+
+def test_environments_can_terminate_their_processes(tasks: Path):
+    with Worker() as worker:
+        worker.configure(f"{tasks}:parental")
+        assert worker.step(0)[0].tolist() == [[-signal.SIGTERM, -signal.SIGTERM]]
 
 
 def test_the_module_serves_too():
