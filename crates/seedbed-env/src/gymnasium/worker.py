@@ -787,18 +787,24 @@ class Player:
 
     def difference(self, seed: int, seeds: int) -> str | None:
         """What differs between episodes in a fresh environment and in one that has played others before."""
-        used = self.make()
-        for reset_seed in range(seed, seed + seeds):
+        with contextlib.ExitStack() as stack:
+            used = self.make()
+            stack.callback(close, used)
+            found = (self.difference_after(used, reset_seed, seed + seeds) for reset_seed in range(seed, seed + seeds))
+            return next(filter(None, found), None)
+
+    def difference_after(self, used: Environment, seed: int, other_seed: int) -> str | None:
+        """The same for one seed. The used environment plays half an episode before, and later a whole one."""
+        with contextlib.ExitStack() as stack:
             fresh = self.make()
-            expected = self.episode(fresh, reset_seed, COMPARED_STEPS)
-            close(fresh)
-            for other_seed, max_steps in (seed + seeds, max(1, len(expected) // 2)), (seed + seeds + 1, HISTORY_STEPS):
-                self.episode(used, other_seed, max_steps)
-                found = self.episode(used, reset_seed, COMPARED_STEPS)
-                differences = map(self.difference_of_step, range(len(expected)), expected, found)
-                if (first := next(filter(None, differences), None)) is not None:
-                    return first
-        close(used)
+            stack.callback(close, fresh)
+            expected = self.episode(fresh, seed, COMPARED_STEPS)
+        for history_seed, max_steps in (other_seed, max(1, len(expected) // 2)), (other_seed + 1, HISTORY_STEPS):
+            self.episode(used, history_seed, max_steps)
+            found = self.episode(used, seed, COMPARED_STEPS)
+            differences = map(self.difference_of_step, range(len(expected)), expected, found)
+            if (first := next(filter(None, differences), None)) is not None:
+                return first
         return None
 
     def difference_of_step(self, number: int, fresh: Step, used: Step) -> str | None:
