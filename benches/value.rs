@@ -33,6 +33,7 @@ fn acting(criterion: &mut Criterion) {
         };
         bencher.iter(|| {
             black_box(trainer.play_without_learning(&plan))
+                .expect("bodies are simulated in this process")
                 .episodes
                 .len()
         });

@@ -59,7 +59,7 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
     let text = input_files::read_text(path)?;
     let mut warnings: Vec<String> = former_names::sentences(&text);
     let description = match seedbed_input::file_kind(&path.display().to_string(), &text)? {
-        FileKind::Environment | FileKind::TabularEnvironment => {
+        FileKind::Environment | FileKind::TabularEnvironment | FileKind::Gymnasium => {
             let (task, _) = input_files::read_task(path)?;
             warnings.extend(physics_warnings(&task, Physics::Rapier));
             Ok(format!("environment; {}", describe_spaces(task.spec())))

@@ -12,6 +12,7 @@ use seedbed::scenario::Scenario;
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular::Algorithm as TabularAlgorithm;
+use seedbed_env::TaskDescription;
 use seedbed_input::{FileKind, InputError};
 use seedbed_learn::algorithms::Algorithm;
 use seedbed_learn::algorithms::catalog::Parameter;
@@ -61,8 +62,9 @@ fn print_overview() {
     print_files(
         "Environments",
         Directory::Environments,
-        |path, name, width| match input_files::read_task(path) {
-            Ok((description, _)) => {
+        |path, name, width| match read_task(path) {
+            Ok(None) => print_line(name, width, UNKNOWN_BEFORE_PYTHON),
+            Ok(Some(description)) => {
                 let spec = description.spec();
                 print_line(name, width, first_sentence(&spec.description));
             }
@@ -84,6 +86,20 @@ fn print_overview() {
     say!(
         "\n`seedbed list environments` and `seedbed list algorithms` print details, `seedbed list --show NAME` a file"
     );
+}
+
+/// What is printed of an environment of Gymnasium whose file does not have what Python says of it.
+const UNKNOWN_BEFORE_PYTHON: &str =
+    "an environment of Gymnasium; `seedbed check` asks Python what it is";
+
+/// Reads a task. `None` if this would run Python: a list starts no programs.
+fn read_task(path: &Path) -> Result<Option<TaskDescription>, InputError> {
+    let text = input_files::read_text(path)?;
+    let kind = seedbed_input::file_kind(&path.display().to_string(), &text);
+    if matches!(kind, Ok(FileKind::Gymnasium)) && !seedbed_env::gymnasium::is_complete(&text) {
+        return Ok(None);
+    }
+    input_files::read_task(path).map(|(description, _)| Some(description))
 }
 
 /// Width of the column of algorithms.
@@ -109,12 +125,15 @@ fn print_markdown(only_kind: Option<ListKind>) -> Result<(), CliError> {
 }
 
 fn print_environments() {
-    print_files("Environments", Directory::Environments, |path, name, _| {
-        match input_files::read_task(path) {
-            Ok((description, _)) => print_environment(name, description.spec()),
+    print_files(
+        "Environments",
+        Directory::Environments,
+        |path, name, _| match read_task(path) {
+            Ok(None) => say!("  {name}\n      {UNKNOWN_BEFORE_PYTHON}"),
+            Ok(Some(description)) => print_environment(name, description.spec()),
             Err(error) => say!("  {}\n      invalid: {error}", path.display()),
-        }
-    });
+        },
+    );
 }
 
 /// `name`: what a scenario calls the environment
@@ -176,9 +195,10 @@ fn describe(path: &Path) -> Result<String, InputError> {
             Ok(format!("tuning: {title}; {}", describe_tuning(&file)))
         }
         FileKind::TabularScenario => describe_tabular(path),
-        FileKind::Scenario | FileKind::Environment | FileKind::TabularEnvironment => {
-            Ok(describe_scenario(&Plan::load(path, &[])?))
-        }
+        FileKind::Scenario
+        | FileKind::Environment
+        | FileKind::TabularEnvironment
+        | FileKind::Gymnasium => Ok(describe_scenario(&Plan::load(path, &[])?)),
     }
 }
 

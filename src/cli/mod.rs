@@ -59,6 +59,7 @@ use seedbed::run::RunError;
 use seedbed::run::folder::RunFolder;
 use seedbed::run::folder::checksums::Checksums;
 use seedbed::text::{pluralize, terminal};
+use seedbed_env::gymnasium::set_python;
 use seedbed_input::InputError;
 
 /// Train teams of reinforcement learning agents that explore in coordination, and record every
@@ -81,6 +82,15 @@ To open a recording: rerun recordings/cartpole/seed-0/run.rrd
 
 Exit status: 0 success; 1 failure; 2 invalid input; 130 (Ctrl-C), 143 (TERM) or 128 + number of another signal: interruption.")]
 struct Cli {
+    /// Python that runs environments of Gymnasium [default: SEEDBED_PYTHON, the active virtual environment, or
+    /// python3]
+    #[arg(
+        long,
+        global = true,
+        value_name = "FILE",
+        help_heading = "Environments of Gymnasium"
+    )]
+    python: Option<PathBuf>,
     #[command(subcommand)]
     command: Command,
 }
@@ -236,6 +246,9 @@ struct RunArgs {
     /// Resume the interrupted run in the output directory
     #[arg(long, conflicts_with = "overwrite")]
     resume: bool,
+    /// With --resume: continue an environment of Gymnasium with other versions of Python packages
+    #[arg(long, requires = "resume")]
+    other_versions: bool,
     /// Replace the existing run in the output directory
     #[arg(long)]
     overwrite: bool,
@@ -249,6 +262,8 @@ struct RunArgs {
   seedbed new task my_task                      write envs/my_task.ron: a short pole on a cart
   seedbed new scenario my_task --env my_task    write scenarios/my_task.ron
   seedbed new study team_size --scenario my_task
+  seedbed new scenario pole --env gymnasium:CartPole-v1
+  seedbed new task maze --env gymnasium:my_maze.py:make_maze
 
 Files go to the nearest directory `envs` or `scenarios` in the working directory or above it. Existing \
 files are never overwritten.")]
@@ -258,7 +273,7 @@ struct NewArgs {
     kind: NewKind,
     /// Name of the file, without `.ron`
     name: String,
-    /// Environment of a new scenario [default: cartpole]
+    /// Environment of a new scenario [default: cartpole], or `gymnasium:ID` for a scenario or a task
     #[arg(long = "env", value_name = "ENV")]
     environment: Option<String>,
     /// Scenario of a new study [default: cartpole_team]
@@ -449,6 +464,9 @@ enum CliError {
 pub(crate) fn main() -> ExitCode {
     let cli = arguments::parse();
     interruption::handle();
+    if let Some(python) = &cli.python {
+        set_python(python);
+    }
     let result = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Check { files } => check::check(&files),
@@ -612,7 +630,7 @@ impl From<RunError> for CliError {
             RunError::Record(_)
             | RunError::Checkpoint(_)
             | RunError::File { .. }
-            | RunError::Diverged(_) => Self::Runtime(error.to_string()),
+            | RunError::Round(_) => Self::Runtime(error.to_string()),
         }
     }
 }

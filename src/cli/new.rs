@@ -12,6 +12,9 @@ const SCENARIO: &str = include_str!("templates/scenario.ron");
 const STUDY: &str = include_str!("templates/study.ron");
 const README: &str = include_str!("templates/README.md");
 
+/// Beginning of `--env` for environments of Gymnasium.
+const GYMNASIUM: &str = "gymnasium:";
+
 /// Name of the task and of the scenario in a new workspace.
 const FIRST_NAME: &str = "short_pole";
 
@@ -26,7 +29,11 @@ pub(super) fn init(folder: &Path) -> Result<(), CliError> {
     let folder = folder.strip_prefix(".").unwrap_or(folder);
     let files = [
         task(&folder.join("envs"), FIRST_NAME),
-        scenario(&folder.join("scenarios"), FIRST_NAME, FIRST_NAME),
+        scenario(
+            &folder.join("scenarios"),
+            FIRST_NAME,
+            &format!("{FIRST_NAME:?}"),
+        ),
         study(&folder.join("scenarios"), "team_size", FIRST_NAME),
         NewFile {
             path: folder.join("README.md"),
@@ -50,11 +57,17 @@ pub(super) fn init(folder: &Path) -> Result<(), CliError> {
 pub(super) fn new(args: &NewArgs) -> Result<(), CliError> {
     check_name(&args.name)?;
     let file = match args.kind {
-        NewKind::Task => task(&nearest(Directory::Environments), &args.name),
+        NewKind::Task => new_task(args)?,
         NewKind::Scenario => {
             let environment = args.environment.as_deref().unwrap_or("cartpole");
-            check_exists(environment, Directory::Environments)?;
-            scenario(&nearest(Directory::Scenarios), &args.name, environment)
+            let folder = nearest(Directory::Scenarios);
+            let environment = if let Some(id) = environment.strip_prefix(GYMNASIUM) {
+                format!("Gymnasium(id: {id:?})")
+            } else {
+                check_exists(environment, Directory::Environments)?;
+                format!("{environment:?}")
+            };
+            scenario(&folder, &args.name, &environment)
         }
         NewKind::Study => {
             let scenario = args.scenario.as_deref().unwrap_or("cartpole_team");
@@ -65,6 +78,25 @@ pub(super) fn new(args: &NewArgs) -> Result<(), CliError> {
     write_all(&[file])
 }
 
+/// A task to start from, or an environment of Gymnasium with all that Python says of it.
+fn new_task(args: &NewArgs) -> Result<NewFile, CliError> {
+    let folder = nearest(Directory::Environments);
+    let Some(environment) = args.environment.as_deref() else {
+        return Ok(task(&folder, &args.name));
+    };
+    let Some(id) = environment.strip_prefix(GYMNASIUM) else {
+        return Err(CliError::Usage(format!(
+            "--env {environment}: expected `{GYMNASIUM}ID` for a new task, such as `{GYMNASIUM}CartPole-v1`"
+        )));
+    };
+    let text = format!("Gymnasium(id: {id:?})\n");
+    let (_, text) = seedbed_env::gymnasium::parse(&args.name, "--env", &folder, &text)?;
+    Ok(NewFile {
+        path: folder.join(format!("{}.ron", args.name)),
+        text,
+    })
+}
+
 fn task(folder: &Path, name: &str) -> NewFile {
     NewFile {
         path: folder.join(format!("{name}.ron")),
@@ -72,12 +104,13 @@ fn task(folder: &Path, name: &str) -> NewFile {
     }
 }
 
+/// `environment`: as in a scenario, with quotes if it is a name
 fn scenario(folder: &Path, name: &str, environment: &str) -> NewFile {
     NewFile {
         path: folder.join(format!("{name}.ron")),
         text: SCENARIO
             .replace("{name}", name)
-            .replace("{environment}", environment),
+            .replace("\"{environment}\"", environment),
     }
 }
 

@@ -89,6 +89,7 @@ fn options(args: &RunArgs, folder: RunFolder, ranks: Ranks) -> Options {
     Options {
         folder,
         resume: args.resume,
+        other_versions: args.other_versions,
         threads: args.threads.map_or(0, usize::from),
         save_initial: args.save_initial,
         ranks,
@@ -244,7 +245,7 @@ fn with_resume_hint(error: RunError, args: &RunArgs, folder: &RunFolder) -> CliE
         RunError::Record(record) if record.attempt == Attempt::Resume
             && record.path == folder.unfinished_recording_file()
     );
-    let is_diverged = matches!(error, RunError::Diverged(_));
+    let is_diverged = matches!(error, RunError::Round(_));
     match CliError::from(error) {
         CliError::Runtime(message)
             if is_diverged && folder.contents() == Contents::UnfinishedRun =>

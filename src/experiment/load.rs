@@ -58,7 +58,8 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
         kind @ (FileKind::Study
         | FileKind::Tuning
         | FileKind::Environment
-        | FileKind::TabularEnvironment),
+        | FileKind::TabularEnvironment
+        | FileKind::Gymnasium),
     ) = kind
     {
         return Err(LoadStep::Read.failed(wrong_kind(&origin, kind)));
@@ -87,8 +88,7 @@ pub fn files_read(path: &Path, overrides: &[String]) -> Result<Vec<PathBuf>, Loa
         return Ok(files);
     }
     let document = with_overrides(folder::parse_scenario(path, &text), overrides)?;
-    let of_task = scenario::environment_path(&document, path)
-        .and_then(|task| input_files::files_of_task(&task));
+    let of_task = scenario::files_of_task(&document, path);
     files.extend(of_task.map_err(|error| LoadStep::Check.failed(error))?);
     Ok(files)
 }

@@ -84,6 +84,11 @@ pub trait Experiment: Debug + Send + Sync {
         Vec::new()
     }
 
+    /// Why a run cannot be repeated bit for bit; `None` if it can.
+    fn repeatability_warning(&self) -> Option<String> {
+        None
+    }
+
     /// Whether its agents have networks, which are saved at the end of a run.
     fn has_networks(&self) -> bool {
         true

@@ -20,10 +20,10 @@ use crate::run::folder::Contents;
 use crate::run::ranks::Ranks;
 use crate::run::recorder::RecorderFactory;
 use crate::run::training::shared_world::{SharedWorld, runs_per_world};
-use crate::run::training::{Diverged, Trainer};
+use crate::run::training::{RoundFailure, Trainer};
 use crate::run::{self, Observer, Options, Plan, RecorderFactories, RunError, RunOutcome};
 use crate::scenario::recording::RecordingSettings;
-use crate::scenario::{Scenario, Schedule};
+use crate::scenario::{Scenario, Schedule, TaskReference};
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{ranged_count, ranged_number};
@@ -62,7 +62,16 @@ impl Experiment for Plan {
         });
         let task = self.description.for_run(scenario.seed);
         let physics = seedbed_env::physics_warnings(&task, scenario.physics);
-        no_signal.into_iter().chain(physics).collect()
+        no_signal
+            .into_iter()
+            .chain(physics)
+            .chain(self.repeatability_warning())
+            .collect()
+    }
+
+    fn repeatability_warning(&self) -> Option<String> {
+        let gymnasium = self.description.gymnasium()?;
+        gymnasium.repeatability_warning()
     }
 
     /// Rounds of which each agent learns from the episodes of all agents have K² such pairs.
@@ -256,7 +265,7 @@ fn measure_in_world(
 }
 
 /// The error of a run without a folder, with the place of the formula in the file of its task.
-fn located(plan: &Plan, diverged: Diverged) -> Diverged {
+fn located(plan: &Plan, diverged: RoundFailure) -> RoundFailure {
     let file = format!("{}.ron", plan.description.spec().name);
     diverged.located_in(Path::new(&file), &plan.environment_text)
 }
@@ -356,6 +365,11 @@ fn with_defaults_except_for_learning(mut scenario: Scenario, run_seed: u64) -> S
         ..RecordingSettings::default()
     };
     scenario.name = Located::default();
+    if scenario.environment.named().is_none() {
+        // The settings of the task are elsewhere, without those that learning does not depend on.
+        let name = scenario.environment.task_name().into_owned();
+        scenario.environment = TaskReference::Named(name).into();
+    }
     scenario.checkpoint_every = ranged_count(1);
     scenario.checkpoint_share = ranged_number(1.0);
     scenario.seed = run_seed;
@@ -381,6 +395,10 @@ fn report(summary: &Summary, options: &Options) -> RunReport {
             ("results", options.folder.path().display().to_string()),
         ],
     };
+    let warning = summary.repeatability_warning.clone();
+    report
+        .lines
+        .extend(warning.map(|warning| ("note", warning)));
     let [episodes, _] = options.folder.table_files();
     if let Some(hint) = no_signal_hint(summary, &episodes) {
         report.lines.push(("note", hint));

@@ -10,6 +10,7 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use seedbed_env::TaskDescription;
+use seedbed_env::gymnasium::GymnasiumTask;
 use seedbed_input::{BuiltinFile, DiskAndBuiltin, Document, FileSource, InputError};
 use serde::de::DeserializeOwned;
 
@@ -121,8 +122,11 @@ pub fn read_task(path: &Path) -> Result<(TaskDescription, String), InputError> {
 /// See [`read_task`].
 pub fn files_of_task(path: &Path) -> Result<Vec<PathBuf>, InputError> {
     let source = ListedFiles::default();
-    seedbed_env::load_from(&source, path)?;
-    Ok(source.read.into_inner())
+    let (task, _) = seedbed_env::load_from(&source, path)?;
+    let python_file = task.gymnasium().and_then(GymnasiumTask::python_file);
+    let mut files = source.read.into_inner();
+    files.extend(python_file);
+    Ok(files)
 }
 
 /// Files that were read from the disk or are built in.

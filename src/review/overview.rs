@@ -15,7 +15,7 @@ use crate::run::facts::returns::{
 use crate::run::facts::{EpisodeRow, SolvedAt};
 use crate::run::folder::checksums::Checksums;
 use crate::run::folder::{RunFolder, read_verified_summary, run_folders};
-use crate::scenario::{Scenario, task_name};
+use crate::scenario::Scenario;
 use crate::text::file_stem;
 use seedbed_env::caught_panic;
 
@@ -202,7 +202,7 @@ fn add_scenario(
     if !scenario.name.is_empty() {
         results.scenario = Some(scenario.name.value().clone());
     }
-    results.environment = Some(task_name(&scenario.environment).to_owned());
+    results.environment = Some(scenario.environment.task_name().into_owned());
     results.seed = Some(scenario.seed);
     results.agents = Some(u64::from(scenario.agents.count.get()));
     Ok(())

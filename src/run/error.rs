@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::folder::checkpoint::CheckpointError;
 use super::folder::checksums::DamagedFile;
 use super::recorder::RecordError;
-use super::training::Diverged;
+use super::training::RoundFailure;
 use seedbed_input::InputError;
 
 /// Why a run failed.
@@ -37,7 +37,7 @@ pub enum RunError {
     /// The run in the folder cannot be resumed with this plan.
     #[error("{0}")]
     CannotResume(String),
-    /// An observation, reward or network parameter is not finite.
+    /// A round could not be played, or a number in it is not finite.
     #[error(transparent)]
-    Diverged(#[from] Diverged),
+    Round(#[from] RoundFailure),
 }

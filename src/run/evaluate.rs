@@ -7,7 +7,7 @@ use super::folder::RunFolder;
 use super::folder::checkpoint::Checkpoint;
 use super::plan::Plan;
 use super::training::Trainer;
-use super::training::{PlayedEpisodes, RoundPlan};
+use super::training::{PlayedEpisodes, RoundFailure, RoundPlan};
 use crate::scenario::recording::SceneSettings;
 use seedbed_learn::agent::policy::ActionSelection;
 use seedbed_learn::experience::Episode;
@@ -34,9 +34,10 @@ pub fn evaluate(
     settings: &EvaluationSettings,
 ) -> Result<(Plan, Vec<Episode>), RunError> {
     let (plan, mut trainer) = load_trained(folder, settings.action_selection)?;
-    let rounds =
-        (0..settings.episodes).map(|number| play_episode(&mut trainer, settings, number, None));
-    let mut episodes: Vec<Episode> = rounds.flat_map(|played| played.episodes).collect();
+    let mut episodes: Vec<Episode> = Vec::new();
+    for number in 0..settings.episodes {
+        episodes.extend(play_episode(&mut trainer, settings, number, None)?.episodes);
+    }
     episodes.sort_by_key(|episode| (episode.agent, episode.episode));
     Ok((plan, episodes))
 }
@@ -72,24 +73,27 @@ pub(super) fn load_trained(
 
 /// Plays episode `number` of every agent. The random streams are those of a round number that
 /// training never reaches.
+///
+/// # Errors
+/// An environment cannot go on.
 pub(super) fn play_episode(
     trainer: &mut Trainer,
     settings: &EvaluationSettings,
     number: u32,
     scene: Option<&SceneSettings>,
-) -> PlayedEpisodes {
+) -> Result<PlayedEpisodes, RoundFailure> {
     let plan = RoundPlan {
         run_seed: settings.seed,
         round: u32::MAX - number,
         episodes: 1,
         scene,
     };
-    let mut played = trainer.play_without_learning(&plan);
+    let mut played = trainer.play_without_learning(&plan)?;
     for episode in &mut played.episodes {
         (episode.episode, episode.round) = (number, number);
     }
     for trajectory in &mut played.body_trajectories {
         trajectory.episode = number;
     }
-    played
+    Ok(played)
 }

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use super::folder::checksums::Checksums;
 use super::folder::{self, RunFolder};
-use crate::input_files;
 use crate::scenario::{self, Scenario, overrides};
 use crate::text::file_stem;
 use seedbed_env::TaskDescription;
@@ -54,8 +53,7 @@ impl Plan {
     /// # Errors
     /// A mistake in either file, with its location.
     pub fn from_document(document: Document<Scenario>, path: &Path) -> Result<Self, InputError> {
-        let environment = scenario::environment_path(&document, path)?;
-        let (description, environment_text) = input_files::read_task(&environment)?;
+        let (description, environment_text) = scenario::read_task(&document, path)?;
         check(&document, &description)?;
         let name = document.value.name.as_str();
         Ok(Self {

@@ -8,7 +8,7 @@ use super::training::Trainer;
 use crate::run::facts::EpisodeRow;
 use crate::run::recorder::{BonusRange, Focus, RecorderFactory, RunInfo};
 use crate::scenario::recording::{RecordingSettings, SceneSettings};
-use crate::scenario::{Scenario, Schedule, Stop};
+use crate::scenario::{Scenario, Schedule, Stop, TaskReference};
 use seedbed_env::Physics;
 use seedbed_env::TaskDescription;
 use seedbed_input::numbers::{Count, ranged_count, ranged_number};
@@ -65,7 +65,7 @@ fn preview_scenario(
 ) -> Scenario {
     Scenario {
         name: String::new().into(),
-        environment: description.spec().name.clone().into(),
+        environment: TaskReference::Named(description.spec().name.clone()).into(),
         physics,
         agents: TeamConfig {
             count: ranged_count(1),

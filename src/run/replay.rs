@@ -49,7 +49,7 @@ pub fn replay(
             &settings.evaluation,
             number,
             recording.scene.as_ref(),
-        );
+        )?;
         let episodes: Vec<_> = played.episodes.iter().collect();
         let episode_rows = measures
             .add_round(trainer.spec(), number, &episodes, &[])

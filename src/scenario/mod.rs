@@ -8,8 +8,10 @@ pub mod overrides;
 pub mod recording;
 pub mod resolve;
 pub mod synonyms;
+mod task_reference;
 mod threshold;
 
+pub use self::task_reference::TaskReference;
 pub use self::threshold::{Rounding, Threshold};
 use std::path::{Path, PathBuf};
 
@@ -18,7 +20,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::input_files::{self, Directory};
 use crate::scenario::recording::RecordingSettings;
-use seedbed_env::{Physics, TaskSpec};
+use seedbed_env::gymnasium::{GymnasiumFile, GymnasiumTask};
+use seedbed_env::{Physics, TaskDescription, TaskSpec};
 use seedbed_input::edit::to_ron_string;
 use seedbed_input::numbers::{Count, FiniteNumber, PositiveFraction, ranged_count, ranged_number};
 use seedbed_input::{Document, InputError, Located, ValidationError};
@@ -34,8 +37,9 @@ pub struct Scenario {
     #[serde(default, skip_serializing_if = "is_unnamed")]
     #[schemars(skip)]
     pub name: Located<String>,
-    /// The task: name of a file in `envs/`, without `.ron`, or path of a file.
-    pub environment: Located<String>,
+    /// The task: name of a file in `envs/`, without `.ron`, or path of a file; or an environment of
+    /// Gymnasium, `Gymnasium(id: "CartPole-v1")`.
+    pub environment: Located<TaskReference>,
     /// Physics engine: rigid bodies, or the task's analytic model if it has one.
     #[serde(default)]
     pub physics: Physics,
@@ -236,6 +240,67 @@ fn one() -> Count<10_000> {
     ranged_count(1)
 }
 
+/// Reads and checks the task of a scenario. Also returns the text of a task file that describes the same
+/// task alone.
+///
+/// # Errors
+/// There is no such task, or something in it is wrong.
+pub fn read_task(
+    scenario: &Document<Scenario>,
+    scenario_path: &Path,
+) -> Result<(TaskDescription, String), InputError> {
+    let environment = &scenario.value.environment;
+    let TaskReference::Gymnasium(file) = environment.value() else {
+        return input_files::read_task(&environment_path(scenario, scenario_path)?);
+    };
+    let word = seedbed_settings::opening(&scenario.text, "environment");
+    if word.is_some_and(|word| word != "Gymnasium") {
+        let message = "expected the name of a task in quotes, or `Gymnasium(id: \"…\")`";
+        return Err(scenario.locate(environment.error(message)));
+    }
+    let folder = folder_of_python_file(file, scenario_path);
+    let task = GymnasiumTask::new(
+        &file.task_name(),
+        &scenario.origin,
+        &folder,
+        (**file).clone(),
+    );
+    let task = task.map_err(|error| scenario.locate(error))?;
+    let text = task.text();
+    Ok((task.into(), text))
+}
+
+/// Paths of the files that the task of a scenario is read from.
+///
+/// # Errors
+/// See [`read_task`].
+pub fn files_of_task(
+    scenario: &Document<Scenario>,
+    scenario_path: &Path,
+) -> Result<Vec<PathBuf>, InputError> {
+    if scenario.value.environment.named().is_some() {
+        return input_files::files_of_task(&environment_path(scenario, scenario_path)?);
+    }
+    let (task, _) = read_task(scenario, scenario_path)?;
+    let python_file = task.gymnasium().and_then(GymnasiumTask::python_file);
+    Ok(python_file.into_iter().collect())
+}
+
+/// Where the Python file of an environment is: beside the scenario, or in the working directory, as an
+/// override on the command line may mean it.
+fn folder_of_python_file(file: &GymnasiumFile, scenario_path: &Path) -> PathBuf {
+    let folder = input_files::folder_of(scenario_path);
+    let is_there = |folder: &Path| {
+        let function = file.function();
+        function.is_none_or(|(path, _)| folder.join(path).is_file())
+    };
+    if input_files::is_builtin(&folder) || (!is_there(&folder) && is_there(Path::new(""))) {
+        PathBuf::new()
+    } else {
+        folder
+    }
+}
+
 /// Path of the file that a scenario's `environment` names. A name is looked up in the nearest
 /// directory `envs` above the scenario or else above the working directory, and then among the
 /// built-in tasks; a path is relative to the scenario. Built-in scenarios use built-in tasks, so
@@ -247,22 +312,23 @@ pub fn environment_path(
     scenario: &Document<Scenario>,
     scenario_path: &Path,
 ) -> Result<PathBuf, InputError> {
-    let name = &scenario.value.environment;
+    let environment = &scenario.value.environment;
+    let name = environment.named().unwrap_or_default();
     let folder = if is_override_of_builtin(name, scenario_path)? {
         PathBuf::new()
     } else {
         input_files::folder_of(scenario_path)
     };
-    if name.ends_with(".ron") {
-        let path = folder.join(name.as_str());
+    if seedbed_input::is_ron(Path::new(name)) {
+        let path = folder.join(name);
         if path.is_file() {
             return Ok(path);
         }
-        return Err(scenario.locate(name.error(format!("no file {}", path.display()))));
+        return Err(scenario.locate(environment.error(format!("no file {}", path.display()))));
     }
     let start_folders = input_files::start_folders(&folder);
     input_files::find(name, Directory::Environments, &start_folders).map_err(|known| {
-        scenario.locate(name.unknown_name("environment", known.iter().map(String::as_str)))
+        scenario.locate(environment.unknown_name("environment", known.iter().map(String::as_str)))
     })
 }
 
@@ -273,24 +339,19 @@ fn is_override_of_builtin(name: &str, scenario_path: &Path) -> Result<bool, Inpu
         return Ok(false);
     }
     let unchanged: Document<Scenario> = input_files::read(scenario_path)?;
-    Ok(unchanged.value.environment.as_str() != name)
-}
-
-/// Name of the task that a scenario's `environment` names: that of its file, without `.ron`.
-#[must_use]
-pub fn task_name(environment: &str) -> &str {
-    let file = environment.rsplit('/').next().unwrap_or(environment);
-    file.strip_suffix(".ron").unwrap_or(file)
+    Ok(unchanged.value.environment.named() != Some(name))
 }
 
 /// How a scenario names the task `envs/TASK.ron` in its own folder, whose directory `envs` is the
 /// nearest. The name of a task that ends in `.ron` would be a path.
-pub(crate) fn environment_in_folder(task: &str) -> String {
-    if Path::new(task).extension().is_some_and(|end| end == "ron") {
+pub(crate) fn environment_in_folder(task: &str) -> Located<TaskReference> {
+    let is_path_like = Path::new(task).extension().is_some_and(|end| end == "ron");
+    let name = if is_path_like {
         format!("envs/{task}.ron")
     } else {
         task.to_owned()
-    }
+    };
+    TaskReference::Named(name).into()
 }
 
 fn is_unnamed(name: &Located<String>) -> bool {
@@ -302,7 +363,7 @@ impl Scenario {
     fn with_defaults() -> Self {
         Self {
             name: Located::default(),
-            environment: String::new().into(),
+            environment: TaskReference::default().into(),
             physics: Physics::default(),
             agents: TeamConfig::default(),
             algorithm: default_algorithm(),
@@ -364,7 +425,7 @@ impl Scenario {
     pub fn beside_its_task(&self, name: &str, task: &str) -> Self {
         Self {
             name: name.to_owned().into(),
-            environment: environment_in_folder(task).into(),
+            environment: environment_in_folder(task),
             ..self.clone()
         }
     }

@@ -191,6 +191,7 @@ fn execute(plan: &Plan, folder: &Path, resume: bool, rounds: usize) -> Result<()
         resume,
         threads: 1,
         save_initial: false,
+        other_versions: false,
         ranks: Ranks::SINGLE,
     };
     fs::create_dir_all(folder).unwrap();

@@ -78,6 +78,7 @@ fn run(scenario: &str, overrides: &[&str], folder: &Path, save_initial: bool) ->
         resume: false,
         threads: 1,
         save_initial,
+        other_versions: false,
         ranks: Ranks::SINGLE,
     };
     let interrupted = AtomicBool::new(false);

@@ -27,18 +27,21 @@ use std::borrow::Cow;
 
 use serde::Deserialize;
 
+pub use super::gymnasium::GymnasiumTask;
 pub use super::tabular::TabularTask;
 
 use super::expression::Program;
 use super::{Scene, Shape, TaskSpec};
 
-/// One task: rigid bodies, or a tabular MDP.
+/// One task: rigid bodies, a tabular MDP, or an environment of Gymnasium.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TaskDescription {
     /// Rigid bodies with joints, actuators, sensors and formulas.
     Bodies(Box<BodyTask>),
     /// A finite Markov decision process, given by its tables.
     Tabular(Box<TabularTask>),
+    /// An environment of Gymnasium, which Python runs.
+    Gymnasium(Box<GymnasiumTask>),
 }
 
 /// A task of rigid bodies.
@@ -342,6 +345,7 @@ impl TaskDescription {
         match self {
             Self::Bodies(task) => &task.spec,
             Self::Tabular(task) => &task.spec,
+            Self::Gymnasium(task) => &task.spec,
         }
     }
 
@@ -350,6 +354,7 @@ impl TaskDescription {
         match self {
             Self::Bodies(task) => &mut task.spec,
             Self::Tabular(task) => &mut task.spec,
+            Self::Gymnasium(task) => &mut task.spec,
         }
     }
 
@@ -359,16 +364,34 @@ impl TaskDescription {
         match self {
             Self::Bodies(task) => &task.origin,
             Self::Tabular(task) => &task.origin,
+            Self::Gymnasium(task) => &task.origin,
         }
     }
 
-    /// The task of rigid bodies; `None` for a tabular task.
+    /// The task of rigid bodies; `None` for other tasks.
     #[must_use]
     pub fn body_task(&self) -> Option<&BodyTask> {
         match self {
             Self::Bodies(task) => Some(task),
-            Self::Tabular(_) => None,
+            Self::Tabular(_) | Self::Gymnasium(_) => None,
         }
+    }
+
+    /// The environment of Gymnasium; `None` for other tasks.
+    #[must_use]
+    pub fn gymnasium(&self) -> Option<&GymnasiumTask> {
+        match self {
+            Self::Gymnasium(task) => Some(task),
+            Self::Bodies(_) | Self::Tabular(_) => None,
+        }
+    }
+
+    /// Number of worker processes for `copies` copies of an environment of Gymnasium on `threads`
+    /// threads: what the task asks for, or one per thread. 0 for other tasks.
+    #[must_use]
+    pub fn worker_count(&self, copies: usize, threads: usize) -> usize {
+        let task = self.gymnasium();
+        task.map_or(0, |task| task.worker_count(copies, threads))
     }
 
     /// The task of the run with this run seed: itself, or a tabular task with an MDP, or rigid
@@ -397,6 +420,12 @@ impl TaskDescription {
 impl From<BodyTask> for TaskDescription {
     fn from(task: BodyTask) -> Self {
         Self::Bodies(Box::new(task))
+    }
+}
+
+impl From<GymnasiumTask> for TaskDescription {
+    fn from(task: GymnasiumTask) -> Self {
+        Self::Gymnasium(Box::new(task))
     }
 }
 

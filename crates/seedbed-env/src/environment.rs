@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::description::{BodyTask, ColumnLayout, TaskDescription};
 use super::dynamics::{Dynamics, from_bytes, to_bytes};
 use super::expression::{Evaluator, Program, ValueTable, copy_values};
+use super::gymnasium::GymnasiumEnvironment;
 use super::sensing::SensorReader;
 use super::tabular::TabularEnvironment;
 use super::terrain::TerrainGenerator;
@@ -33,6 +34,21 @@ pub fn build(
     physics: Physics,
     copies: usize,
 ) -> Result<Box<dyn Environment>, InputError> {
+    let workers = description.worker_count(copies, 1);
+    build_with_workers(description, physics, copies, workers)
+}
+
+/// Like [`build`], with this number of worker processes for an environment of Gymnasium. Results do not
+/// depend on it.
+///
+/// # Errors
+/// See [`build`].
+pub fn build_with_workers(
+    description: &TaskDescription,
+    physics: Physics,
+    copies: usize,
+    workers: usize,
+) -> Result<Box<dyn Environment>, InputError> {
     match description {
         TaskDescription::Bodies(task) => {
             let dynamics = build_dynamics(task, physics, copies)?;
@@ -41,7 +57,12 @@ pub fn build(
         TaskDescription::Tabular(task) if physics == Physics::Rapier => {
             Ok(Box::new(TabularEnvironment::new(task, copies)))
         }
-        TaskDescription::Tabular(task) => Err(no_analytic_model(&task.origin)),
+        TaskDescription::Gymnasium(task) if physics == Physics::Rapier => {
+            Ok(Box::new(GymnasiumEnvironment::new(task, copies, workers)))
+        }
+        TaskDescription::Tabular(_) | TaskDescription::Gymnasium(_) => {
+            Err(no_analytic_model(description.origin()))
+        }
     }
 }
 

@@ -26,7 +26,7 @@ use seedbed_settings::Settings;
 use serde::Deserialize;
 
 pub use actuators::{ActuatorKind, ForceFrame};
-pub use checked::{Direction, Interval, Name, Vector, WholeNumbers};
+pub use checked::{Direction, Name, Vector, WholeNumbers};
 pub use extends::{FieldPlace, find_field};
 pub use markers::Marker;
 pub use sensors::{Axis, SensorKind};
@@ -35,11 +35,12 @@ pub use surroundings::{Fluid, Rope, RopeEnd, Softness};
 pub use terrain::{Terrain, TerrainValue};
 
 use super::description::{Integrator, TaskDescription};
+use super::gymnasium;
 use super::tabular;
 use extends::MergedText;
 use seedbed_input::limits::{MAX_ENTRIES, short_list};
 use seedbed_input::numbers::{
-    Count, FiniteNumber, NonNegative, Positive, StepTime, ranged_count, ranged_number,
+    Count, FiniteNumber, Interval, NonNegative, Positive, StepTime, ranged_count, ranged_number,
 };
 use seedbed_input::{Disk, FileKind, FileSource, InputError, Located};
 
@@ -450,6 +451,12 @@ pub fn load_from(
         .map(|stem| stem.to_string_lossy().into_owned())
         .unwrap_or_default();
     let text = MergedText::read(source, path)?;
+    if let Ok(FileKind::Gymnasium) = seedbed_input::file_kind(text.origin(), text.text()) {
+        let folder = source.folder_of(path);
+        let parsed = gymnasium::parse(&name, text.origin(), &folder, text.text());
+        let (task, text) = parsed.map_err(|error| text.locate(error))?;
+        return Ok((task.into(), text));
+    }
     let description = parse_merged(&name, &text)?;
     Ok((description, text.into_text()))
 }
@@ -474,6 +481,7 @@ pub fn settings(text: &str) -> Settings {
         Ok(FileKind::TabularEnvironment) => {
             seedbed_input::settings_of::<tabular::file::TabularTaskFile>(text)
         }
+        Ok(FileKind::Gymnasium) => gymnasium::settings(text),
         _ => seedbed_input::settings_of::<TaskFile>(text),
     };
     settings.without("description")
@@ -484,6 +492,10 @@ fn parse_merged(name: &str, text: &MergedText) -> Result<TaskDescription, InputE
         Ok(FileKind::TabularEnvironment) => {
             let task = tabular::file::parse(name, text.origin(), text.text());
             task.map(TaskDescription::from)
+        }
+        Ok(FileKind::Gymnasium) => {
+            let task = gymnasium::parse(name, text.origin(), Path::new(""), text.text());
+            task.map(|(task, _)| task.into())
         }
         _ => parse_bodies(name, text.origin(), text.text()),
     };

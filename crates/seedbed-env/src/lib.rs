@@ -31,12 +31,14 @@
 //!   documentation has an example. [`TaskSpec`] is what agents know of a task beforehand.
 //! - [`mod@file`] is the schema of task files. `envs/README.md` in the repository teaches it.
 //! - [`description`] is what a checked file becomes, and may be changed before building.
+//! - [`gymnasium`] runs environments of Gymnasium in worker processes.
 //! - [`tabular`] has finite MDPs with priors, and [`analytic`] the exact equations of classic
 //!   tasks.
 //!
 //! Agents, learning and recording are other crates, on which this one must not depend.
 
 pub mod analytic;
+pub mod cancellation;
 mod caught_panic;
 pub mod description;
 pub mod dynamics;
@@ -44,6 +46,7 @@ mod environment;
 pub mod expression;
 pub mod file;
 mod forces;
+pub mod gymnasium;
 mod inertia;
 pub mod kinematics;
 mod parameters;
@@ -56,7 +59,7 @@ mod watch;
 
 pub use caught_panic::caught_panic;
 pub use description::TaskDescription;
-pub use environment::{build, build_dynamics};
+pub use environment::{build, build_dynamics, build_with_workers};
 pub use file::{load, load_from, parse, settings as task_settings};
 pub use trial::physics_warnings;
 pub use watch::PhysicsWarning;

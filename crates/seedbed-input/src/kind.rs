@@ -10,6 +10,8 @@ pub enum FileKind {
     Environment,
     /// `TabularEnvironment(…)`
     TabularEnvironment,
+    /// `Gymnasium(…)`
+    Gymnasium,
     /// `Scenario(…)`
     Scenario,
     /// `TabularScenario(…)`
@@ -22,9 +24,10 @@ pub enum FileKind {
 
 impl FileKind {
     /// All kinds.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Environment,
         Self::TabularEnvironment,
+        Self::Gymnasium,
         Self::Scenario,
         Self::TabularScenario,
         Self::Study,
@@ -37,6 +40,7 @@ impl FileKind {
         match self {
             Self::Environment => "Environment",
             Self::TabularEnvironment => "TabularEnvironment",
+            Self::Gymnasium => "Gymnasium",
             Self::Scenario => "Scenario",
             Self::TabularScenario => "TabularScenario",
             Self::Study => "Study",

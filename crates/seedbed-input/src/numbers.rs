@@ -167,6 +167,50 @@ impl<const MAX: u32, const MIN: u32> From<Count<MAX, MIN>> for u64 {
     }
 }
 
+/// An interval of two finite numbers, `(low, high)` with low < high.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "(f64, f64)", into = "(f64, f64)")]
+pub struct Interval {
+    low: f64,
+    high: f64,
+}
+
+impl Interval {
+    /// Low and high end.
+    #[must_use]
+    pub fn get(self) -> [f64; 2] {
+        [self.low, self.high]
+    }
+}
+
+impl From<Interval> for (f64, f64) {
+    fn from(interval: Interval) -> Self {
+        (interval.low, interval.high)
+    }
+}
+
+impl TryFrom<(f64, f64)> for Interval {
+    type Error = String;
+
+    fn try_from((low, high): (f64, f64)) -> Result<Self, String> {
+        // Physics and learning run in single precision.
+        let fits = |number: f64| number.abs() <= f64::from(f32::MAX);
+        if low >= high || !low.is_finite() || !high.is_finite() {
+            return Err(format!(
+                "expected a range (low, high) with low < high, found ({}, {})",
+                readable(low),
+                readable(high)
+            ));
+        }
+        if !fits(low) || !fits(high) || !fits(high - low) || low as f32 >= high as f32 {
+            return Err(format!(
+                "the range ({low:e}, {high:e}) does not fit into numbers of single precision"
+            ));
+        }
+        Ok(Self { low, high })
+    }
+}
+
 /// A number for messages: with an exponent if it would have many digits without.
 #[must_use]
 pub fn readable<N: Copy + Display + LowerExp + Into<f64>>(number: N) -> String {

@@ -9,7 +9,6 @@
 
 pub mod agent;
 pub mod algorithms;
-pub mod cancellation;
 pub mod experience;
 pub mod math;
 pub mod nn;
@@ -17,3 +16,5 @@ pub mod rl;
 pub mod scaling;
 pub mod seed;
 pub mod team;
+
+pub use seedbed_env::cancellation;

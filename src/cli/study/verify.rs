@@ -51,7 +51,8 @@ fn verify(
     };
     check_same_study(plan, folder)?;
     let results = read_results(plan, folder)?;
-    let not_comparable = print_missing(&results) + print_without_source(plan, &results);
+    let not_comparable =
+        print_missing(&results) + print_without_source(plan, &results) + print_not_repeatable(plan);
     let differing = if published::is_published(folder) {
         verify_published(args, plan, folder, results, amount)
     } else {
@@ -113,6 +114,22 @@ fn print_without_source(plan: &StudyPlan, results: &Results) -> usize {
         total += runs;
     }
     total
+}
+
+/// Prints of which cells runs cannot be repeated bit for bit, so that they are not compared. Returns the number of
+/// these runs.
+fn print_not_repeatable(plan: &StudyPlan) -> usize {
+    for cell in &plan.cells {
+        if let Some(warning) = cell.source.repeatability_warning() {
+            note!("unverified cell `{}`: {warning}", cell.name);
+        }
+    }
+    let runs = plan.distinct_runs();
+    runs.iter().filter(|run| !is_repeatable(run)).count()
+}
+
+fn is_repeatable(run: &PlannedRun<'_>) -> bool {
+    run.cell.source.repeatability_warning().is_none()
 }
 
 fn verify_stored(
@@ -184,9 +201,14 @@ fn choose<'a>(
     amount: Amount,
     folder: &StudyFolder,
 ) -> Result<Chosen<'a>, CliError> {
-    let there: Vec<PlannedRun<'a>> = runs.into_iter().filter(|run| is_there(run)).collect();
+    let mut there: Vec<PlannedRun<'a>> = runs.into_iter().filter(|run| is_there(run)).collect();
     if there.is_empty() {
         return Err(no_runs(folder));
+    }
+    there.retain(is_repeatable);
+    if there.is_empty() {
+        let message = "no run of this study can be repeated bit for bit, so that none is verified";
+        return Err(CliError::Runtime(message.to_owned()));
     }
     let draw = draw(args.draw)?;
     let chosen = Chosen {

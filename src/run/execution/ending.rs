@@ -12,6 +12,7 @@ use crate::run::plan::Plan;
 use crate::run::training::TrainerOnRanks;
 use crate::run::weights;
 use crate::storage::files;
+use seedbed_env::gymnasium::GymnasiumTask;
 
 /// Completes the files of a finished run, whose checkpoint has been written. The summary is written
 /// last, because its presence marks a finished run, whose checksums are known.
@@ -23,7 +24,11 @@ pub(super) fn finish(
 ) -> Result<RunOutcome, RunError> {
     recorder.finish()?;
     write_policies(plan, options, trainer)?;
-    let summary = Summary::of(&plan.name, plan.scenario.seed, trainer.local());
+    let gymnasium = plan.description.gymnasium();
+    let summary = Summary {
+        repeatability_warning: gymnasium.and_then(GymnasiumTask::repeatability_warning),
+        ..Summary::of(&plan.name, plan.scenario.seed, trainer.local())
+    };
     let text = serde_json::to_string_pretty(&summary).map_err(std::io::Error::other);
     let path = options.folder.summary_file();
     let text = text.map_err(|error| RunError::File {

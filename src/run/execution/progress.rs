@@ -14,6 +14,8 @@ pub struct Options {
     pub folder: RunFolder,
     /// Whether to resume from the folder's checkpoint.
     pub resume: bool,
+    /// Whether a run may be resumed with other versions of Python packages than it began with.
+    pub other_versions: bool,
     /// Number of threads; 0 is the number of cores.
     pub threads: usize,
     /// Whether the file of the networks also has the agent seeds: reward seeds and initial

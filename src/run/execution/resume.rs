@@ -1,18 +1,23 @@
 //! The recorders of a run that begins, and of one that is resumed from its checkpoint.
 
+use std::path::PathBuf;
+
 use super::checkpoint_writer::CheckpointWriter;
 use super::ending::{replace_file, write_checksums};
 use super::round_recorder::Recorders;
 use super::same_run::check_same_run;
 use super::{Observer, Options, RecorderFactories};
+use crate::input_files;
 use crate::run::error::RunError;
 use crate::run::folder::RunFolder;
 use crate::run::folder::checkpoint::{Checkpoint, CheckpointError};
 use crate::run::folder::checksums::{Checksums, NewChecksums};
 use crate::run::plan::Plan;
 use crate::run::recorder::{Focus, RecorderFactory, RunInfo};
-use crate::run::training::Trainer;
+use crate::run::training::{RoundFailure, Trainer};
 use crate::storage::files;
+use seedbed_env::gymnasium::GymnasiumTask;
+use seedbed_input::InputError;
 
 pub(super) fn create_recorders(
     plan: &Plan,
@@ -52,6 +57,7 @@ pub(super) fn resume_run(
         }));
     }
     check_max_episodes(plan, options, trainer)?;
+    check_versions(plan, options, observer)?;
     write_scenario(plan, folder)?;
     if states.len() > recorder_factories.len() {
         give_up_recording(folder, observer)?;
@@ -67,6 +73,38 @@ pub(super) fn resume_run(
             .collect::<Result<Recorders, RunError>>()
     })?;
     Ok((recorders, checkpoints))
+}
+
+/// Checks that an environment of Gymnasium is that with which the run began: the same versions of Python
+/// and its packages.
+fn check_versions(
+    plan: &Plan,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<(), RunError> {
+    let name = &plan.description.spec().name;
+    let stored = input_files::read_task(&options.folder.task_file(name))?.0;
+    let Some(task) = stored.gymnasium() else {
+        return Ok(());
+    };
+    if let Some(warning) = task.repeatability_warning() {
+        observer.warn(&warning);
+    }
+    let difference = task.version_difference().map_err(RoundFailure::from)?;
+    let Some(difference) = difference else {
+        return Ok(());
+    };
+    let reason = format!(
+        "the run in {} began with {difference}",
+        options.folder.path().display()
+    );
+    if options.other_versions {
+        observer.warn(&reason);
+        return Ok(());
+    }
+    Err(RunError::CannotResume(format!(
+        "{reason}; resume it anyway with `--other-versions`"
+    )))
 }
 
 /// Sets the recording of a run aside that is continued without it.
@@ -125,10 +163,27 @@ fn write_scenario(plan: &Plan, folder: &RunFolder) -> Result<(), RunError> {
     })?;
     let scenario = (folder.scenario_file(), plan.stored_scenario());
     let task_file = folder.task_file(&plan.description.spec().name);
+    let task = (task_file, plan.environment_text.clone());
     let mut sums = NewChecksums::default();
-    for (path, text) in [scenario, (task_file, plan.environment_text.clone())] {
+    for (path, text) in [scenario, task]
+        .into_iter()
+        .chain(python_file(plan, folder)?)
+    {
         replace_file(&path, text.as_bytes())?;
         sums.add(folder, &path, text.as_bytes());
     }
     write_checksums(&sums, folder)
+}
+
+/// The copy of the Python file that makes the environment, if the task names one.
+fn python_file(plan: &Plan, folder: &RunFolder) -> Result<Option<(PathBuf, String)>, InputError> {
+    let Some(path) = plan
+        .description
+        .gymnasium()
+        .and_then(GymnasiumTask::python_file)
+    else {
+        return Ok(None);
+    };
+    let text = seedbed_input::read_text(&path)?;
+    Ok(Some((folder.python_file(&path), text)))
 }

@@ -4,7 +4,6 @@ use super::Options;
 use crate::run::error::RunError;
 use crate::run::folder;
 use crate::run::plan::Plan;
-use crate::scenario;
 use seedbed_settings::{Difference, Settings};
 
 /// Checks that the folder contains a run of this plan. `stop` may differ, so that a run can be
@@ -13,7 +12,7 @@ pub(super) fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunEr
     let folder = &options.folder;
     let mut stored = folder::read_scenario(&folder.scenario_file())?;
     stored.value.stop = plan.scenario.stop.clone();
-    let task = scenario::task_name(&stored.value.environment);
+    let task = &*stored.value.environment.task_name();
     let task_text = seedbed_input::read_text(&folder.task_file(task))?;
     let stored_text = stored.value.beside_its_task(&plan.name, task).resolved();
     let run = folder.path().display();

@@ -47,6 +47,9 @@ pub struct Summary {
     /// diverse as the team.
     #[serde(default)]
     pub effective_agents: Option<f64>,
+    /// Why results cannot be repeated bit for bit, if an environment of Gymnasium does not allow it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeatability_warning: Option<String>,
     /// What the physics of the task could not compute well: the first place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub physics_warning: Option<String>,

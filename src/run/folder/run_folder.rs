@@ -289,6 +289,13 @@ impl RunFolder {
         self.tasks_folder().join(format!("{name}.ron"))
     }
 
+    /// Path of the copy of a Python file that makes an environment: beside the copy of the task.
+    #[must_use]
+    pub fn python_file(&self, original: &Path) -> PathBuf {
+        let name = original.file_name().unwrap_or_default();
+        self.tasks_folder().join(name)
+    }
+
     /// Path of the summary. If the file exists, the run is finished.
     #[must_use]
     pub fn summary_file(&self) -> PathBuf {

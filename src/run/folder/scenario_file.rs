@@ -24,9 +24,9 @@ pub fn read_scenario(path: &Path) -> Result<Document<Scenario>, InputError> {
 pub fn parse_scenario(path: &Path, text: &str) -> Result<Document<Scenario>, InputError> {
     let mut document: Document<Scenario> = overrides::parse(path, text)?;
     if let Some(folder) = folder_of_scenario(path) {
-        let task = scenario::task_name(&document.value.environment).to_owned();
+        let task = document.value.environment.task_name().into_owned();
         if folder.task_file(&task).is_file() {
-            document.value.environment = scenario::environment_in_folder(&task).into();
+            document.value.environment = scenario::environment_in_folder(&task);
         } else {
             Checksums::read(&folder)?.check_presence(&folder.task_file(&task))?;
         }

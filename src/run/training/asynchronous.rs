@@ -95,6 +95,11 @@ impl AsyncRollout {
         (learned_before, agent_progress.started - 1)
     }
 
+    /// Agent and episode in a copy, for people.
+    pub(super) fn place_of(&self, copy: usize) -> String {
+        self.slots.place_of(copy)
+    }
+
     /// Number of the team's episodes that every agent has learned from.
     pub(super) fn learned_by_all(&self) -> u64 {
         let learned = self

@@ -61,6 +61,18 @@ impl EpisodeSlots {
         slot
     }
 
+    /// Agent and episode in a copy, for people.
+    pub(super) fn place_of(&self, copy: usize) -> String {
+        let slot = self.slots.iter().find(|slot| slot.copy == copy);
+        let Some(slot) = slot else {
+            return String::new();
+        };
+        match &slot.playing {
+            Some(episode) => format!("agent {}, episode {}", slot.agent, episode.episode),
+            None => format!("agent {}", slot.agent),
+        }
+    }
+
     pub(super) fn any_playing(&self) -> bool {
         self.slots.iter().any(EpisodeSlot::is_playing)
     }

@@ -22,7 +22,7 @@ mod trainer_on_ranks;
 
 pub use self::episode_warning::EpisodeWarning;
 pub use self::rollout::{PlayedEpisodes, RoundPlan};
-pub use self::trainer::{Diverged, NonFinite, Round, Trainer, TrainingSettings};
+pub use self::trainer::{NonFinite, Round, RoundFailure, Trainer, TrainingSettings};
 pub use self::trainer_on_ranks::TrainerOnRanks;
 
 /// The number of threads that a setting stands for: 0 is the number of cores.

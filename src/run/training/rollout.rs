@@ -14,6 +14,7 @@ use super::remote_steps::{PlayedSteps, RemoteRounds};
 use crate::run::facts::BodyTrajectory;
 use crate::scenario::recording::SceneSettings;
 use seedbed_env::Environment;
+use seedbed_env::gymnasium::{EnvironmentFailure, catch_failure};
 use seedbed_learn::cancellation::cancellation_point;
 use seedbed_learn::experience::Episode;
 use seedbed_learn::team::{Team, Workers};
@@ -57,7 +58,7 @@ pub(super) fn play(
     workers: Workers<'_>,
 ) -> PlayedEpisodes {
     team.begin_round(plan.round);
-    let mut playing = begin_groups(groups, plan);
+    let mut playing = begin_groups(groups, plan, workers);
     workers.for_each(&mut playing, |group| group.play(team, None));
     collect_episodes(playing.into_iter().map(|group| group.round))
 }
@@ -72,7 +73,7 @@ pub(super) fn play_and_report(
     mut remote: RemoteRounds,
 ) -> PlayedEpisodes {
     team.begin_round(plan.round);
-    let mut playing = begin_groups(groups, plan);
+    let mut playing = begin_groups(groups, plan, workers);
     let mut is_over = false;
     while !is_over {
         let (reader, interval): (&dyn Team, _) = (team, team.transition_interval());
@@ -87,9 +88,13 @@ pub(super) fn play_and_report(
     }
 }
 
-fn begin_groups<'a>(groups: &'a mut [CopyGroup], plan: &RoundPlan<'a>) -> Vec<PlayingGroup<'a>> {
-    let groups = groups.iter_mut();
-    groups.map(|group| PlayingGroup::new(group, plan)).collect()
+fn begin_groups<'a>(
+    groups: &'a mut [CopyGroup],
+    plan: &RoundPlan<'a>,
+    workers: Workers<'_>,
+) -> Vec<PlayingGroup<'a>> {
+    let groups = groups.iter_mut().collect();
+    workers.map(groups, |group| PlayingGroup::new(group, plan))
 }
 
 /// Passes the transitions that were played since the last call to the team, in the order of steps
@@ -160,7 +165,13 @@ impl<'a> PlayingGroup<'a> {
     fn new(group: &'a mut CopyGroup, plan: &RoundPlan<'a>) -> Self {
         let environment = &mut *group.environment;
         let agents = group.first_agent..group.first_agent + environment.copies() as u32;
-        let round = GroupRound::begin(environment, agents, 0, *plan);
+        let begun = catch_failure(|| GroupRound::begin(environment, agents, 0, *plan));
+        let round = begun.unwrap_or_else(|failure| {
+            let episode = plan.round.wrapping_mul(plan.episodes);
+            let agent = |copy| group.first_agent + copy as u32;
+            let place = |copy| format!("agent {}, episode {episode}", agent(copy));
+            located(failure, place).unwind()
+        });
         Self { environment, round }
     }
 
@@ -169,12 +180,25 @@ impl<'a> PlayingGroup<'a> {
         let Self { environment, round } = self;
         while !round.is_over() && max_steps.is_none_or(|max| round.unreported_steps < max) {
             cancellation_point();
-            round
-                .slots
-                .step(&mut **environment, team, round.unreported_steps);
-            round.observe(&mut **environment, max_steps.is_some());
+            let stepped = catch_failure(|| {
+                let unreported_steps = round.unreported_steps;
+                round.slots.step(&mut **environment, team, unreported_steps);
+                round.observe(&mut **environment, max_steps.is_some());
+            });
+            stepped.unwrap_or_else(|failure| {
+                located(failure, |copy| round.slots.place_of(copy)).unwind()
+            });
         }
     }
+}
+
+/// The failure with agent and episode, if it is of one copy.
+pub(super) fn located(
+    mut failure: EnvironmentFailure,
+    place: impl Fn(usize) -> String,
+) -> EnvironmentFailure {
+    failure.place = failure.copy.map(place).unwrap_or_default();
+    failure
 }
 
 /// The round of a group of consecutive agents, which act in consecutive copies of an environment.

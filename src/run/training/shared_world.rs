@@ -6,7 +6,7 @@
 //! team, buffer and random streams, so that each result has the bits of a run alone.
 
 use super::rollout::GroupRound;
-use super::trainer::{Diverged, Round, Trainer, shares_rapier_world};
+use super::trainer::{Round, RoundFailure, Trainer, shares_rapier_world};
 use crate::scenario::{Scenario, Schedule};
 use seedbed_env::{Environment, Physics, TaskDescription, build};
 use seedbed_input::InputError;
@@ -101,7 +101,7 @@ impl SharedWorld {
     /// Plays until a round of a run has ended, and finishes this round. Returns the place of the run
     /// and the result of the round, or `None` if there is no run. A run whose round failed must be
     /// ended.
-    pub fn advance(&mut self) -> Option<(usize, Result<Round, Diverged>)> {
+    pub fn advance(&mut self) -> Option<(usize, Result<Round, RoundFailure>)> {
         self.begin_rounds();
         while self.places.iter().flatten().next().is_some() {
             if let Some(finished) = self.finish_next_round() {
@@ -140,7 +140,7 @@ impl SharedWorld {
     }
 
     /// Finishes the first round that is over; `None` if there is none.
-    fn finish_next_round(&mut self) -> Option<(usize, Result<Round, Diverged>)> {
+    fn finish_next_round(&mut self) -> Option<(usize, Result<Round, RoundFailure>)> {
         for (place, run) in self.places.iter_mut().enumerate() {
             if let Some(RunInWorld { trainer, round }) = run
                 && let Some(finished) = round.take_if(|round| round.is_over())

@@ -30,6 +30,7 @@ impl Summary {
             visitation_evenness: visits.evenness,
             team_overlap: Some(visits.diversity.overlap),
             effective_agents: Some(visits.diversity.effective_agents),
+            repeatability_warning: None,
             physics_warning: trainer.physics_warning().map(ToString::to_string),
         }
     }

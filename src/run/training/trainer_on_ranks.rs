@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::remote_steps::RemoteRounds;
 use super::shared_episodes;
-use super::trainer::{Diverged, Round, Trainer};
+use super::trainer::{Round, RoundFailure, Trainer};
 use crate::run::ranks::Ranks;
 use seedbed_learn::nn::Tensor;
 
@@ -79,8 +79,8 @@ impl<'a> TrainerOnRanks<'a> {
     /// Carries out the orders of rank 0 until the run ends.
     ///
     /// # Errors
-    /// A number is not finite.
-    pub fn follow(mut self) -> Result<(), Diverged> {
+    /// A number is not finite, or an environment cannot go on.
+    pub fn follow(mut self) -> Result<(), RoundFailure> {
         loop {
             match self.ranks.broadcast(Order::End) {
                 Order::Advance => drop(self.advance_here()?),
@@ -99,8 +99,8 @@ impl<'a> TrainerOnRanks<'a> {
     /// Plays and learns for one round; see [`Trainer::advance`].
     ///
     /// # Errors
-    /// A number is not finite.
-    pub fn advance(&mut self) -> Result<Round, Diverged> {
+    /// A number is not finite, or an environment cannot go on.
+    pub fn advance(&mut self) -> Result<Round, RoundFailure> {
         if self.ranks.is_single() {
             return self.local.advance();
         }
@@ -126,11 +126,18 @@ impl<'a> TrainerOnRanks<'a> {
         let _own = self.ranks.broadcast(order);
     }
 
-    fn advance_here(&mut self) -> Result<Round, Diverged> {
+    fn advance_here(&mut self) -> Result<Round, RoundFailure> {
         let (ranks, trainer) = (self.ranks, &mut self.local);
         trainer.forget_old_episodes();
+        let reports_steps = trainer.team().transition_interval().is_some();
         let played = trainer.play_together(RemoteRounds::new(ranks));
-        let episodes = if trainer.team().transition_interval().is_some() {
+        // Ranks that report steps wait for each other within the round: one that cannot go on ends all.
+        let played = if reports_steps {
+            played
+        } else {
+            ranks.agree(played)
+        }?;
+        let episodes = if reports_steps {
             played.episodes.into() // the steps of all agents are here already
         } else {
             let needs_first = trainer.compares_bonuses();

@@ -693,6 +693,7 @@ pub(crate) fn has_analytic_model(task: &TaskDescription) -> bool {
 /// very large simulation.
 pub(crate) fn play_if_affordable(task: &TaskDescription, steps: u32) {
     let is_affordable = match task {
+        TaskDescription::Gymnasium(_) => unreachable!("generated tasks run no Python"),
         TaskDescription::Bodies(task) => {
             let solver = task.solver;
             let work = u64::from(solver.substeps)

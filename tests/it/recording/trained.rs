@@ -71,6 +71,7 @@ pub(super) fn run_and_read_recording(
         resume: false,
         threads,
         save_initial: false,
+        other_versions: false,
         ranks: Ranks::SINGLE,
     };
     let outcome = execute(

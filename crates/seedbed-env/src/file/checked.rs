@@ -8,14 +8,6 @@ use crate::expression::RESERVED_NAMES;
 use seedbed_input::limits::MAX_NAME_BYTES;
 use seedbed_input::numbers::{FiniteNumber, Positive, readable};
 
-/// An interval of two finite numbers, `(low, high)` with low < high.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "(f64, f64)")]
-pub struct Interval {
-    low: f64,
-    high: f64,
-}
-
 /// The whole numbers from one to another, with from < to. Both have a value in single precision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WholeNumbers {
@@ -37,14 +29,6 @@ pub struct Direction([f64; 2]);
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Name(String);
-
-impl Interval {
-    /// Low and high end.
-    #[must_use]
-    pub fn get(self) -> [f64; 2] {
-        [self.low, self.high]
-    }
-}
 
 impl WholeNumbers {
     /// First and last number.
@@ -87,28 +71,6 @@ impl Direction {
     #[must_use]
     pub fn get(self) -> [f64; 2] {
         self.0
-    }
-}
-
-impl TryFrom<(f64, f64)> for Interval {
-    type Error = String;
-
-    fn try_from((low, high): (f64, f64)) -> Result<Self, String> {
-        // Physics and learning run in single precision.
-        let fits = |number: f64| number.abs() <= f64::from(f32::MAX);
-        if low >= high || !low.is_finite() || !high.is_finite() {
-            return Err(format!(
-                "expected a range (low, high) with low < high, found ({}, {})",
-                readable(low),
-                readable(high)
-            ));
-        }
-        if !fits(low) || !fits(high) || !fits(high - low) || low as f32 >= high as f32 {
-            return Err(format!(
-                "the range ({low:e}, {high:e}) does not fit into numbers of single precision"
-            ));
-        }
-        Ok(Self { low, high })
     }
 }
 

@@ -5,7 +5,7 @@ use crate::run::ranks::Ranks;
 use crate::run::training::team_on_ranks::team_on_ranks;
 use crate::run::training::thread_count;
 use crate::scenario::{Scenario, Schedule, StepsOf};
-use seedbed_env::{Physics, TaskDescription, TaskSpec, build};
+use seedbed_env::{Environment, Physics, TaskDescription, TaskSpec, build_with_workers};
 use seedbed_input::InputError;
 use seedbed_learn::agent::bonus::Bonus;
 use seedbed_learn::team::{LearningTiming, Team, TeamContext};
@@ -36,10 +36,7 @@ impl Trainer {
         ranks: Ranks,
     ) -> Result<Self, InputError> {
         let description = description.for_run(scenario.seed);
-        let environments = group_sizes(&description, scenario, threads, ranks)
-            .into_iter()
-            .map(|copies| build(&description, scenario.physics, copies))
-            .collect::<Result<Vec<_>, _>>()?;
+        let environments = build_groups(&description, scenario, threads, ranks)?;
         let team = build_team(scenario, description.spec(), ranks);
         let team = team_on_ranks(team, ranks);
         let settings = TrainingSettings {
@@ -104,10 +101,34 @@ fn learning_timing(schedule: Schedule) -> LearningTiming {
     }
 }
 
+/// The groups of copies of a scenario's environment. Worker processes are divided over the groups.
+fn build_groups(
+    description: &TaskDescription,
+    scenario: &Scenario,
+    threads: usize,
+    ranks: Ranks,
+) -> Result<Vec<Box<dyn Environment>>, InputError> {
+    let sizes = group_sizes(description, scenario, threads, ranks);
+    let workers = worker_count(description, scenario, threads, ranks).div_ceil(sizes.len());
+    let build = |copies| build_with_workers(description, scenario.physics, copies, workers);
+    sizes.into_iter().map(build).collect()
+}
+
+/// Number of worker processes of all groups; 0 if the environment needs none.
+fn worker_count(
+    description: &TaskDescription,
+    scenario: &Scenario,
+    threads: usize,
+    ranks: Ranks,
+) -> usize {
+    let agents = ranks.local_agents(scenario.agents.count.get()).len();
+    description.worker_count(agents, thread_count(threads))
+}
+
 /// Numbers of copies of the groups in which a scenario's environment is built. Rigid bodies that
 /// share a world are divided as little as possible, because every world has a cost of its own in
-/// each step. Other copies are divided into more groups than threads, so that all threads are busy
-/// to the end of a round.
+/// each step. A thread waits for at least one worker process. Other copies are divided into more groups
+/// than threads, so that all threads are busy to the end of a round.
 fn group_sizes(
     description: &TaskDescription,
     scenario: &Scenario,
@@ -118,8 +139,11 @@ fn group_sizes(
     if matches!(scenario.schedule, Schedule::Asynchronous { .. }) {
         return vec![agents];
     }
+    let workers = worker_count(description, scenario, threads, ranks);
     let threads = thread_count(threads);
-    let groups = if threads == 1 || shares_rapier_world(description, scenario) {
+    let groups = if workers > 0 {
+        threads.min(workers)
+    } else if threads == 1 || shares_rapier_world(description, scenario) {
         threads
     } else {
         GROUPS_PER_THREAD * threads

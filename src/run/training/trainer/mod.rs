@@ -3,8 +3,8 @@
 //! A [`Trainer`] is built from any [`Environment`] and any [`Team`] ([`Trainer::new`]), or from a
 //! scenario ([`Trainer::from_scenario`]).
 
-mod diverged;
 mod from_scenario;
+mod round_failure;
 mod rounds;
 mod saved;
 
@@ -12,8 +12,8 @@ use std::ops::Range;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-pub use self::diverged::{Diverged, NonFinite};
 pub(super) use self::from_scenario::shares_rapier_world;
+pub use self::round_failure::{NonFinite, RoundFailure};
 use super::asynchronous::AsyncRollout;
 use super::episode_warning::EpisodeWarning;
 use super::rollout::CopyGroup;

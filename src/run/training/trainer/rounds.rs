@@ -1,6 +1,6 @@
 //! A round of a trainer: playing, learning and measuring.
 
-use super::diverged::{Diverged, check_episode};
+use super::round_failure::{RoundFailure, check_episode};
 use super::{Round, Trainer, local_agents, newest_episodes};
 use crate::run::facts::BodyTrajectory;
 use crate::run::ranks::Ranks;
@@ -8,10 +8,11 @@ use crate::run::training::agreement;
 use crate::run::training::asynchronous::{AsyncConfig, AsyncRollout};
 use crate::run::training::episode_warning::EpisodeWarning;
 use crate::run::training::remote_steps::RemoteRounds;
-use crate::run::training::rollout::{self, GroupRound, PlayedEpisodes, RoundPlan};
+use crate::run::training::rollout::{self, GroupRound, PlayedEpisodes, RoundPlan, located};
 use crate::run::training::shared_episodes::SharedEpisodes;
 use crate::scenario::Schedule;
 use seedbed_env::Environment;
+use seedbed_env::gymnasium::catch_failure;
 use seedbed_learn::agent::UpdateReport;
 use seedbed_learn::team::{AgentUpdate, Learner, LearningRequest, Workers};
 
@@ -22,12 +23,12 @@ impl Trainer {
     /// An asynchronous round ends when as many episodes have ended as there are agents.
     ///
     /// # Errors
-    /// An observation, a reward or a network's parameters are not finite.
-    pub fn advance(&mut self) -> Result<Round, Diverged> {
+    /// An observation, a reward or a network's parameters are not finite, or an environment cannot go on.
+    pub fn advance(&mut self) -> Result<Round, RoundFailure> {
         self.forget_old_episodes();
         let (updates, body_trajectories) = match self.settings.schedule {
             Schedule::Synchronous { .. } | Schedule::Lockstep { .. } => {
-                let played = self.play_together(RemoteRounds::new(Ranks::SINGLE));
+                let played = self.play_together(RemoteRounds::new(Ranks::SINGLE))?;
                 self.note_warnings(played.warnings);
                 let updates = self.learn_from(played.episodes.into())?;
                 (updates, played.body_trajectories)
@@ -77,11 +78,11 @@ impl Trainer {
     /// Lets every agent learn from a round that was played in a shared world, and measures it.
     ///
     /// # Errors
-    /// An observation, a reward or a network's parameters are not finite.
+    /// An observation, a reward or a network's parameters are not finite, or an environment cannot go on.
     pub(in crate::run::training) fn finish_round(
         &mut self,
         round: GroupRound<'_>,
-    ) -> Result<Round, Diverged> {
+    ) -> Result<Round, RoundFailure> {
         let played = rollout::collect_episodes([round]);
         self.note_warnings(played.warnings);
         let updates = self.learn_from(played.episodes.into())?;
@@ -155,10 +156,13 @@ impl Trainer {
 
     /// Every local agent plays its episodes of the round. A team that learns from transitions gets those of
     /// all agents, in which case all episodes are returned.
+    ///
+    /// # Errors
+    /// An environment cannot go on.
     pub(in crate::run::training) fn play_together(
         &mut self,
         remote: RemoteRounds,
-    ) -> PlayedEpisodes {
+    ) -> Result<PlayedEpisodes, RoundFailure> {
         let plan = RoundPlan {
             run_seed: self.settings.run_seed,
             round: self.round,
@@ -167,11 +171,14 @@ impl Trainer {
         };
         let workers = Workers::new(self.pool.as_ref());
         let (groups, team) = (&mut self.groups, &mut *self.team);
-        if team.transition_interval().is_some() {
-            rollout::play_and_report(groups, team, &plan, workers, remote)
-        } else {
-            rollout::play(groups, team, &plan, workers)
-        }
+        let played = catch_failure(|| {
+            if team.transition_interval().is_some() {
+                rollout::play_and_report(groups, team, &plan, workers, remote)
+            } else {
+                rollout::play(groups, team, &plan, workers)
+            }
+        });
+        Ok(played?)
     }
 
     /// Keeps the first physics warning of the run.
@@ -182,7 +189,7 @@ impl Trainer {
     }
 
     /// All agents learn from the episodes of a round.
-    fn learn_from(&mut self, episodes: SharedEpisodes) -> Result<Vec<AgentUpdate>, Diverged> {
+    fn learn_from(&mut self, episodes: SharedEpisodes) -> Result<Vec<AgentUpdate>, RoundFailure> {
         let learned_before = self.episodes_added();
         self.add_to_buffer(episodes)?;
         let updates = self.learn_together(learned_before);
@@ -216,7 +223,7 @@ impl Trainer {
     fn advance_asynchronously(
         &mut self,
         steps_per_update: u32,
-    ) -> Result<UpdatesAndBodies, Diverged> {
+    ) -> Result<UpdatesAndBodies, RoundFailure> {
         let scene = self.settings.scene.clone();
         let config = AsyncConfig {
             run_seed: self.settings.run_seed,
@@ -229,7 +236,10 @@ impl Trainer {
         let mut rollout = rollout.unwrap_or_else(|| AsyncRollout::new(config.run_seed, count));
         let (mut updates, mut body_trajectories) = (Vec::new(), Vec::new());
         while self.buffer.episodes_added() < self.episodes_before_round + count as u64 {
-            let ended = rollout.play(&mut *self.groups[0].environment, &*self.team, &config);
+            let (environment, team) = (&mut *self.groups[0].environment, &*self.team);
+            let played = catch_failure(|| rollout.play(environment, team, &config));
+            let ended =
+                played.map_err(|failure| located(failure, |copy| rollout.place_of(copy)))?;
             if ended.episodes.is_empty() {
                 break;
             }
@@ -255,7 +265,7 @@ impl Trainer {
     pub(in crate::run::training) fn add_to_buffer(
         &mut self,
         mut shared: SharedEpisodes,
-    ) -> Result<(), Diverged> {
+    ) -> Result<(), RoundFailure> {
         for episode in &mut shared.episodes {
             check_episode(&self.spec, episode)?;
             episode.round = self.round;
@@ -290,19 +300,28 @@ impl Trainer {
     pub(in crate::run::training) fn check_updates(
         &self,
         updates: &[AgentUpdate],
-    ) -> Result<(), Diverged> {
+    ) -> Result<(), RoundFailure> {
         let diverged = updates.iter().find(|update| !update.is_finite);
         diverged.map_or(Ok(()), |diverged| {
             let (agent, round) = (diverged.agent, self.round);
-            Err(Diverged::Learning { agent, round })
+            Err(RoundFailure::Learning { agent, round })
         })
     }
 
     /// Plays a round without learning and without measuring it. Episodes are in (agent, episode)
     /// order.
-    pub fn play_without_learning(&mut self, plan: &RoundPlan<'_>) -> PlayedEpisodes {
+    ///
+    /// # Errors
+    /// An environment cannot go on.
+    pub fn play_without_learning(
+        &mut self,
+        plan: &RoundPlan<'_>,
+    ) -> Result<PlayedEpisodes, RoundFailure> {
         let workers = Workers::new(self.pool.as_ref());
-        rollout::play(&mut self.groups, &mut *self.team, plan, workers)
+        let (groups, team) = (&mut self.groups, &mut *self.team);
+        Ok(catch_failure(|| {
+            rollout::play(groups, team, plan, workers)
+        })?)
     }
 
     /// Agreement of the agents' intrinsic rewards for the steps of the round's first episode; see

@@ -36,6 +36,11 @@ pub trait RunSource: Debug + Send + Sync {
     /// Why the runs may not be what they seem to be.
     fn warnings(&self) -> Vec<String>;
 
+    /// Why a run cannot be repeated bit for bit; `None` if it can.
+    fn repeatability_warning(&self) -> Option<String> {
+        None
+    }
+
     /// Rough estimate of the work of a run, in environment steps of a random agent.
     fn cost(&self) -> f64;
 

@@ -62,6 +62,10 @@ impl RunSource for ScenarioRuns {
         self.experiment.warnings()
     }
 
+    fn repeatability_warning(&self) -> Option<String> {
+        self.experiment.repeatability_warning()
+    }
+
     fn cost(&self) -> f64 {
         self.experiment.cost()
     }

@@ -1,15 +1,16 @@
-//! Numbers that are not finite, with which training cannot continue.
+//! Why training cannot continue: numbers that are not finite, and environments that fail.
 
 use std::fmt::{self, Display, Formatter};
 use std::path::Path;
 
 use seedbed_env::TaskSpec;
 use seedbed_env::file::find_field;
+use seedbed_env::gymnasium::EnvironmentFailure;
 use seedbed_learn::experience::Episode;
 
-/// Training cannot continue because a number is not finite.
+/// Training cannot continue.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Diverged {
+pub enum RoundFailure {
     /// An observation or a reward is not finite.
     #[error(
         "non-finite {what} (agent {agent}, episode {episode}, step {step}): {value}, after the \
@@ -32,6 +33,9 @@ pub enum Diverged {
         /// Where its formula is, or what to check.
         place: String,
     },
+    /// An environment that runs in another process cannot go on.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentFailure),
     /// A parameter of a network is not finite.
     #[error(
         "non-finite network parameters (agent {agent}, round {round}): the algorithm's step sizes \
@@ -63,7 +67,7 @@ impl Display for NonFinite {
     }
 }
 
-impl Diverged {
+impl RoundFailure {
     /// The error with the place of the formula in `text`, the text of the task's file at `path`.
     #[must_use]
     pub fn located_in(mut self, path: &Path, text: &str) -> Self {
@@ -83,7 +87,7 @@ impl Diverged {
 }
 
 /// Checks that all numbers of an episode are finite.
-pub(super) fn check_episode(spec: &TaskSpec, episode: &Episode) -> Result<(), Diverged> {
+pub(super) fn check_episode(spec: &TaskSpec, episode: &Episode) -> Result<(), RoundFailure> {
     let width = spec.observation_width();
     let observations = &episode.observations;
     let reward = episode.rewards.iter().position(|x| !x.is_finite());
@@ -104,7 +108,7 @@ pub(super) fn check_episode(spec: &TaskSpec, episode: &Episode) -> Result<(), Di
     let names = spec.observations.iter().map(|quantity| &quantity.name);
     let before = observations[step * width..][..width].iter();
     let before = names.zip(before).map(|(name, x)| format!("{name} = {x}"));
-    Err(Diverged::Simulation {
+    Err(RoundFailure::Simulation {
         agent: episode.agent,
         episode: episode.episode,
         step,

@@ -1,7 +1,7 @@
 //! Cancellation of computations that take long: of rounds in which thousands of agents learn, or a
 //! single one plans.
 //!
-//! Code that learns returns no errors. It calls [`cancellation_point`] in its loops, which unwinds
+//! Code that plays and learns returns no errors. It calls [`cancellation_point`] in its loops, which unwinds
 //! the stack up to [`Cancellation::run`] once the work is cancelled, and does nothing otherwise. No
 //! result depends on it: of work that was cancelled, there is none.
 
@@ -67,9 +67,7 @@ pub fn cancellation_point() {
 
 /// `work` for other threads, which begins with a cancellation point and is cancelled as the work of
 /// this thread.
-pub(crate) fn cancellable<T, R>(
-    work: impl Fn(T) -> R + Send + Sync,
-) -> impl Fn(T) -> R + Send + Sync {
+pub fn cancellable<T, R>(work: impl Fn(T) -> R + Send + Sync) -> impl Fn(T) -> R + Send + Sync {
     let current = CURRENT.with_borrow(Clone::clone);
     move |item| match &current {
         Some(cancellation) => cancellation.enter(|| {
@@ -83,7 +81,6 @@ pub(crate) fn cancellable<T, R>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::team::Workers;
 
     #[test]
     fn work_ends_at_the_next_point() {
@@ -104,9 +101,9 @@ mod tests {
         let cancellation = Cancellation::default();
         let sum = cancellation.run(|| {
             cancellation_point();
-            Workers::CURRENT_THREAD.map(vec![1, 2], |x| x + 1)
+            vec![1, 2].into_iter().map(cancellable(|x| x + 1)).collect()
         });
-        assert_eq!(sum, Some(vec![2, 3]));
+        assert_eq!(sum, Some::<Vec<i32>>(vec![2, 3]));
     }
 
     /// Work within other work is cancelled by its own flag, and afterwards by that of the other.

@@ -1,0 +1,376 @@
+//! Copies of an environment of Gymnasium in worker processes.
+
+use std::ops::Range;
+
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+
+use super::failure::EnvironmentFailure;
+use super::messages::{Request, answer, read_floats};
+use super::task::GymnasiumTask;
+use super::worker::{Worker, WorkerError};
+use crate::{Choice, Environment, Status, TaskSpec};
+use seedbed_random::Stream;
+
+/// M copies of an environment, divided over worker processes.
+#[derive(Debug)]
+pub(crate) struct GymnasiumEnvironment {
+    task: GymnasiumTask,
+    /// Empty before the first reset: commands that never play start no Python.
+    workers: Vec<WorkerCopies>,
+    worker_count: usize,
+    /// `[M × observations]`
+    observations: Vec<f32>,
+    rewards: Vec<f32>,
+    statuses: Vec<Status>,
+    episodes: Vec<PlayedEpisode>,
+    /// The actions of the present step within their ranges: `[M × action width]`
+    actions: Vec<f32>,
+}
+
+/// A worker and the copies that it has.
+#[derive(Debug)]
+struct WorkerCopies {
+    worker: Worker,
+    copies: Range<usize>,
+    /// Whether it has been sent actions and has not answered.
+    is_stepping: bool,
+}
+
+/// What the present episode of a copy follows from: its seed and the actions so far.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct PlayedEpisode {
+    seed: u32,
+    steps: u32,
+    /// `[steps × action width]`
+    actions: Vec<f32>,
+}
+
+/// The state of a copy that is stored. Gymnasium cannot store states of environments: they are played
+/// again.
+#[derive(Serialize, Deserialize)]
+struct SavedCopy {
+    episode: PlayedEpisode,
+    /// The observation that the episode must lead to; empty if no episode is running.
+    observation: Vec<f32>,
+}
+
+impl GymnasiumEnvironment {
+    pub(crate) fn new(task: &GymnasiumTask, copies: usize, workers: usize) -> Self {
+        Self {
+            workers: Vec::new(),
+            worker_count: workers.clamp(1, copies.max(1)),
+            observations: vec![0.0; copies * task.spec.observation_width()],
+            rewards: vec![0.0; copies],
+            statuses: vec![Status::Idle; copies],
+            episodes: vec![PlayedEpisode::default(); copies],
+            actions: Vec::new(),
+            task: task.clone(),
+        }
+    }
+
+    /// Starts all workers at the same time, unless they run.
+    fn start_workers(&mut self) {
+        if !self.workers.is_empty() {
+            return;
+        }
+        let (copies, workers) = (self.copies(), self.worker_count);
+        let first = |worker: usize| worker * copies / workers;
+        let ranges = (0..workers).map(|worker| first(worker)..first(worker + 1));
+        match start_together(&self.task, ranges) {
+            Ok(started) => self.workers = started,
+            Err(error) => self.fail(&error, 0, "starting the environment"),
+        }
+    }
+
+    /// Ends the round: the environment cannot go on.
+    fn fail(&mut self, error: &WorkerError, first_copy: usize, action: &str) -> ! {
+        self.workers.clear();
+        let help = error.help().map(|help| format!("\n  = help: {help}"));
+        EnvironmentFailure {
+            copy: error.copy().map(|copy| first_copy + copy),
+            place: String::new(),
+            message: format!(
+                "environment `{}`: {action}: {}{}",
+                self.task.settings().id.value(),
+                error.message(),
+                help.unwrap_or_default()
+            ),
+        }
+        .unwind()
+    }
+
+    /// Begins an episode with a seed.
+    fn begin(&mut self, copy: usize, seed: u32) {
+        self.start_workers();
+        let width = self.task.spec.observation_width();
+        let index = worker_of(&self.workers, copy);
+        let WorkerCopies { worker, copies, .. } = &mut self.workers[index];
+        let (first, own) = (copies.start, (copy - copies.start) as u32);
+        let frame = worker.begin(Request::Reset);
+        frame.extend_from_slice(&own.to_le_bytes());
+        frame.extend_from_slice(&seed.to_le_bytes());
+        let answered = worker.send().and_then(|()| worker.receive(answer::START));
+        let row = &mut self.observations[copy * width..][..width];
+        match answered {
+            Ok(payload) => read_floats(payload, row),
+            Err(error) => self.fail(&error, first, &format!("reset(seed={seed})")),
+        }
+        self.rewards[copy] = 0.0;
+        self.statuses[copy] = Status::Running;
+        let episode = &mut self.episodes[copy];
+        (episode.seed, episode.steps) = (seed, 0);
+        episode.actions.clear();
+    }
+
+    /// Keeps the actions, within the ranges of their components.
+    fn set_actions(&mut self, actions: &[f32]) {
+        self.actions.clear();
+        self.actions.extend_from_slice(actions);
+        let spec = &self.task.spec;
+        for row in self.actions.chunks_exact_mut(spec.action_width()) {
+            for (value, action) in row.iter_mut().zip(&spec.actions) {
+                if action.choice == Choice::Continuous {
+                    let [low, high] = action.quantity.range;
+                    *value = value.clamp(low, high);
+                }
+            }
+        }
+    }
+
+    /// Sends a worker the actions of its live copies, if it has any.
+    fn send_actions(&mut self, index: usize) {
+        let WorkerCopies {
+            worker,
+            copies,
+            is_stepping,
+        } = &mut self.workers[index];
+        let statuses = &self.statuses[copies.clone()];
+        *is_stepping = statuses.contains(&Status::Running);
+        if !*is_stepping {
+            return;
+        }
+        let width = self.task.spec.action_width();
+        let frame = worker.begin(Request::Step);
+        frame.extend(
+            statuses
+                .iter()
+                .map(|&status| u8::from(status == Status::Running)),
+        );
+        for action in &self.actions[copies.start * width..copies.end * width] {
+            frame.extend_from_slice(&action.to_le_bytes());
+        }
+        if let Err(error) = worker.send() {
+            let first = copies.start;
+            let action = self.describe_step(&error, index);
+            self.fail(&error, first, &action);
+        }
+    }
+
+    /// Reads what a worker answers to the actions of its live copies.
+    fn receive_step(&mut self, index: usize) {
+        let width = self.task.spec.observation_width();
+        let WorkerCopies {
+            worker,
+            copies,
+            is_stepping,
+        } = &mut self.workers[index];
+        if !*is_stepping {
+            return;
+        }
+        let (first, count) = (copies.start, copies.len());
+        let expected = count * (4 * width + 5);
+        match worker.receive(answer::STEP) {
+            Ok(payload) if payload.len() == expected => {
+                let (observations, rest) = payload.split_at(4 * width * count);
+                let (rewards, statuses) = rest.split_at(4 * count);
+                for copy in 0..count {
+                    if self.statuses[first + copy] != Status::Running {
+                        continue;
+                    }
+                    let row = &observations[4 * width * copy..][..4 * width];
+                    read_floats(
+                        row,
+                        &mut self.observations[(first + copy) * width..][..width],
+                    );
+                    read_floats(
+                        &rewards[4 * copy..],
+                        &mut self.rewards[first + copy..=first + copy],
+                    );
+                    self.statuses[first + copy] = status(statuses[copy]);
+                }
+            }
+            Ok(payload) => {
+                let found = payload.len();
+                let error = WorkerError::Ended(format!(
+                    "the worker sent {found} bytes; expected {expected}"
+                ));
+                self.fail(&error, first, "step");
+            }
+            Err(error) => {
+                let action = self.describe_step(&error, index);
+                self.fail(&error, first, &action);
+            }
+        }
+    }
+
+    /// The step that failed, for people.
+    fn describe_step(&self, error: &WorkerError, index: usize) -> String {
+        let copies = &self.workers[index].copies;
+        let Some(copy) = error.copy().map(|copy| copies.start + copy) else {
+            return format!("step of copies {} to {}", copies.start, copies.end - 1);
+        };
+        let width = self.task.spec.action_width();
+        let PlayedEpisode { seed, steps, .. } = self.episodes[copy];
+        let action = &self.actions[copy * width..][..width];
+        format!("step {steps} after reset(seed={seed}), action {action:?}")
+    }
+
+    /// Counts the step of all live copies and remembers their actions.
+    fn note_actions(&mut self) {
+        let width = self.task.spec.action_width();
+        for (copy, action) in self.actions.chunks_exact(width).enumerate() {
+            if self.statuses[copy] == Status::Running {
+                let episode = &mut self.episodes[copy];
+                episode.steps += 1;
+                episode.actions.extend_from_slice(action);
+            }
+        }
+    }
+
+    /// Ends episodes that have reached the time limit.
+    fn truncate(&mut self) {
+        let limit = self.task.spec.time_limit;
+        for (status, episode) in self.statuses.iter_mut().zip(&self.episodes) {
+            if *status == Status::Running && episode.steps >= limit {
+                *status = Status::Truncated;
+            }
+        }
+    }
+}
+
+/// Starts one worker for each range of copies. All make their copies at the same time.
+fn start_together(
+    task: &GymnasiumTask,
+    ranges: impl Iterator<Item = Range<usize>>,
+) -> Result<Vec<WorkerCopies>, WorkerError> {
+    let mut started = Vec::new();
+    for copies in ranges {
+        started.push(WorkerCopies {
+            worker: Worker::begin_start(&task.configuration(copies.len(), false))?,
+            copies,
+            is_stepping: false,
+        });
+    }
+    for WorkerCopies { worker, .. } in &mut started {
+        let description = worker.finish_start(task.step_timeout())?;
+        if let Some(difference) = task.difference_from(&description) {
+            return Err(WorkerError::Ended(difference));
+        }
+    }
+    Ok(started)
+}
+
+fn worker_of(workers: &[WorkerCopies], copy: usize) -> usize {
+    let found = workers
+        .iter()
+        .position(|worker| worker.copies.contains(&copy));
+    found.expect("each copy has a worker")
+}
+
+fn status(byte: u8) -> Status {
+    match byte {
+        1 => Status::Terminated,
+        2 => Status::Truncated,
+        _ => Status::Running,
+    }
+}
+
+impl Environment for GymnasiumEnvironment {
+    fn spec(&self) -> &TaskSpec {
+        &self.task.spec
+    }
+
+    fn copies(&self) -> usize {
+        self.statuses.len()
+    }
+
+    fn reset(&mut self, copy: usize, random: &mut Stream) {
+        let seed = random.random();
+        self.begin(copy, seed);
+    }
+
+    fn step(&mut self, actions: &[f32]) {
+        self.set_actions(actions);
+        self.note_actions();
+        // All workers compute at the same time.
+        for index in 0..self.workers.len() {
+            self.send_actions(index);
+        }
+        for index in 0..self.workers.len() {
+            self.receive_step(index);
+        }
+        self.truncate();
+    }
+
+    fn observations(&self) -> &[f32] {
+        &self.observations
+    }
+
+    fn rewards(&self) -> &[f32] {
+        &self.rewards
+    }
+
+    fn statuses(&self) -> &[Status] {
+        &self.statuses
+    }
+
+    fn save(&self, copy: usize) -> Vec<u8> {
+        let width = self.task.spec.observation_width();
+        let is_running = self.statuses[copy] == Status::Running;
+        let saved = if is_running {
+            SavedCopy {
+                episode: self.episodes[copy].clone(),
+                observation: self.observations[copy * width..][..width].to_vec(),
+            }
+        } else {
+            SavedCopy {
+                episode: PlayedEpisode::default(),
+                observation: Vec::new(),
+            }
+        };
+        postcard::to_stdvec(&saved).expect("plain data always serializes")
+    }
+
+    fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String> {
+        let saved: SavedCopy = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        self.statuses[copy] = Status::Idle;
+        if saved.observation.is_empty() {
+            return Ok(());
+        }
+        let (action_width, width) = (
+            self.task.spec.action_width(),
+            self.task.spec.observation_width(),
+        );
+        let idle = vec![Status::Idle; self.copies()];
+        let others = std::mem::replace(&mut self.statuses, idle);
+        self.begin(copy, saved.episode.seed);
+        let mut actions = vec![0.0; self.copies() * action_width];
+        for action in saved.episode.actions.chunks_exact(action_width) {
+            actions[copy * action_width..][..action_width].copy_from_slice(action);
+            self.step(&actions);
+        }
+        let reached = std::mem::replace(&mut self.statuses, others)[copy];
+        self.statuses[copy] = reached;
+        let observation = &self.observations[copy * width..][..width];
+        let bits = |numbers: &[f32]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        if reached != Status::Running || bits(observation) != bits(&saved.observation) {
+            return Err(
+                "an episode that was played again is another one: episodes of this environment \
+                        do not depend on their seed alone"
+                    .to_owned(),
+            );
+        }
+        Ok(())
+    }
+}

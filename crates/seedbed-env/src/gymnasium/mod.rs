@@ -1,0 +1,28 @@
+//! Environments of Gymnasium as tasks: `Gymnasium(id: "CartPole-v1")`.
+//!
+//! Python runs in worker processes, each of which has some copies of the environment: a crash or a
+//! hanging step ends a worker, not the program. `file` has the settings, `task` what a checked file
+//! becomes, `worker` the process, `messages` what is exchanged with it, `found` what is not in
+//! the file and therefore asked from the environment once, and `environment` the copies. The worker's own program is
+//! `worker.py`, which the Python package has as `seedbed.worker`.
+//!
+//! Each episode begins with `reset(seed=…)`, drawn from the stream of start states: if episodes
+//! depend on nothing else, bits do not depend on the number of workers or on interruptions.
+
+mod environment;
+mod failure;
+mod file;
+mod found;
+mod messages;
+mod python;
+mod task;
+mod worker;
+
+pub use self::failure::{EnvironmentFailure, catch_failure};
+pub use self::file::{DiscreteObservations, GymnasiumFile, is_complete, parse};
+pub use self::found::{Found, FoundAction, FoundObservation};
+pub use self::python::{python, set_python};
+pub use self::task::GymnasiumTask;
+
+pub(crate) use self::environment::GymnasiumEnvironment;
+pub(crate) use self::file::settings;

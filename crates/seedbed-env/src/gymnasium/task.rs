@@ -1,0 +1,335 @@
+//! A checked task of Gymnasium, from which environments are built.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use super::failure::EnvironmentFailure;
+use super::file::{DiscreteObservations, GymnasiumFile};
+use super::found::{Found, FoundAction};
+use super::messages::{Configuration, Description, Probe, ProbeRequest, Request};
+use super::worker::{Worker, WorkerError};
+use crate::{Action, Quantity, TaskSpec};
+use seedbed_input::edit::to_ron_string;
+use seedbed_input::numbers::{Count, FiniteNumber};
+use seedbed_input::{Located, ValidationError, nearest_name};
+
+/// A task of Gymnasium.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GymnasiumTask {
+    /// File that the task was read from.
+    pub origin: String,
+    /// The task as an agent sees it.
+    pub spec: TaskSpec,
+    /// The settings, with what was found.
+    pub(super) file: GymnasiumFile,
+    /// Folder from which paths begin, and in which Python looks for modules.
+    folder: PathBuf,
+}
+
+/// How many episodes of a probe are played twice.
+const REPEATED_EPISODES: u32 = 3;
+
+impl GymnasiumTask {
+    /// The task with these settings. `folder`: where its file is. What the settings do not say is asked
+    /// from the environment.
+    ///
+    /// # Errors
+    /// Something in the settings is wrong, or the environment cannot be made.
+    pub fn new(
+        name: &str,
+        origin: &str,
+        folder: &Path,
+        mut file: GymnasiumFile,
+    ) -> Result<Self, ValidationError> {
+        if file.found.is_none() {
+            file.found = Some(ask(&file, folder)?);
+        }
+        Ok(Self {
+            origin: origin.to_owned(),
+            spec: spec(name, &file)?,
+            file,
+            folder: folder.to_owned(),
+        })
+    }
+
+    /// The text of the task's file with all that was found. A Python file is named without its folder.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut file = self.file.clone();
+        if let Some((path, function)) = self.file.function() {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            file.id = format!("{name}:{function}").into();
+        }
+        to_ron_string("Gymnasium", &file)
+    }
+
+    /// What the environment says of itself.
+    ///
+    /// # Panics
+    /// Never: it is asked when the task is read.
+    #[must_use]
+    pub fn found(&self) -> &Found {
+        self.file
+            .found
+            .as_ref()
+            .expect("asked when the task was read")
+    }
+
+    /// The settings of the task.
+    #[must_use]
+    pub fn settings(&self) -> &GymnasiumFile {
+        &self.file
+    }
+
+    /// The Python file that makes the environment, if the task names one.
+    #[must_use]
+    pub fn python_file(&self) -> Option<PathBuf> {
+        let (path, _) = self.file.function()?;
+        Some(self.folder.join(path))
+    }
+
+    /// That results of this task cannot be repeated bit for bit, if the environment is such.
+    #[must_use]
+    pub fn repeatability_warning(&self) -> Option<String> {
+        let difference = self.found().difference.as_ref()?;
+        Some(format!(
+            "results cannot be repeated bit for bit: episodes of `{}` do not depend on their seed alone \
+             ({difference})",
+            self.file.id.value()
+        ))
+    }
+
+    /// How the versions of Python and its packages differ from those with which the task was read; `None` if
+    /// they are the same.
+    ///
+    /// # Errors
+    /// The environment cannot be made.
+    pub fn version_difference(&self) -> Result<Option<String>, EnvironmentFailure> {
+        let started = Worker::start(&self.configuration(1, false), self.step_timeout());
+        let (_, description) = started.map_err(|error| EnvironmentFailure {
+            copy: None,
+            place: String::new(),
+            message: error.message(),
+        })?;
+        let (then, now) = (&self.found().versions, &description.versions);
+        let version = |versions: &BTreeMap<String, String>, name: &str| {
+            versions
+                .get(name)
+                .cloned()
+                .unwrap_or_else(|| "no version".to_owned())
+        };
+        let differing = then
+            .keys()
+            .chain(now.keys())
+            .find(|name| then.get(*name) != now.get(*name));
+        Ok(differing.map(|name| {
+            format!(
+                "{name} {}; now it is {}",
+                version(then, name),
+                version(now, name)
+            )
+        }))
+    }
+
+    /// Number of worker processes for `copies` copies on `threads` threads.
+    pub(crate) fn worker_count(&self, copies: usize, threads: usize) -> usize {
+        let asked = self.file.workers.map(|count| count.get() as usize);
+        asked.unwrap_or(threads).clamp(1, copies.max(1))
+    }
+
+    pub(super) fn configuration(&self, copies: usize, render: bool) -> Configuration {
+        configuration(&self.file, &self.folder, copies, render)
+    }
+
+    pub(super) fn step_timeout(&self) -> Duration {
+        Duration::from_secs_f64(self.file.step_timeout.get())
+    }
+
+    /// Why results of `description`, which a worker gives now, are not those of this task.
+    pub(super) fn difference_from(&self, description: &Description) -> Option<String> {
+        let found = self.found();
+        let source = description.source.as_ref().map(|source| &source.sha256);
+        if found.source_sha256.is_some() && source != found.source_sha256.as_ref() {
+            return Some(
+                "its Python file has changed since the task was read; with `found` removed from the \
+                 task's file, it is another task"
+                    .to_owned(),
+            );
+        }
+        let has_same_shape = description.observations.len() == found.observations.len()
+            && description.actions.len() == found.actions.len();
+        (!has_same_shape)
+            .then(|| "its observations or actions have changed since the task was read".to_owned())
+    }
+}
+
+fn configuration(
+    file: &GymnasiumFile,
+    folder: &Path,
+    copies: usize,
+    render: bool,
+) -> Configuration {
+    let folder = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
+    };
+    let folder = folder.canonicalize().unwrap_or_default();
+    let id = match file.function() {
+        Some((path, function)) => format!("{}:{function}", folder.join(path).display()),
+        None => file.id.to_string(),
+    };
+    Configuration {
+        id,
+        kwargs: serde_json::to_value(file.kwargs.value()).unwrap_or_default(),
+        copies,
+        time_limit: file.time_limit.map(Count::get),
+        render,
+        discrete: match file.discrete {
+            DiscreteObservations::OneHot => "one_hot",
+            DiscreteObservations::Number => "number",
+        },
+        log_info: Vec::new(),
+        path: vec![folder.display().to_string()],
+    }
+}
+
+/// Asks the environment what the settings do not say. The same question is asked once per process.
+fn ask(file: &GymnasiumFile, folder: &Path) -> Result<Found, ValidationError> {
+    static ANSWERS: Mutex<Option<HashMap<String, Found>>> = Mutex::new(None);
+    if serde_json::to_value(file.kwargs.value()).is_err() {
+        let message = "expected arguments that JSON can express: numbers, texts, lists, maps";
+        return Err(file.kwargs.error(message));
+    }
+    let configuration = configuration(file, folder, 1, false);
+    let question = serde_json::to_string(&(&configuration, file.probe_steps))
+        .expect("plain data always serializes");
+    let mut answers = ANSWERS.lock().unwrap_or_else(PoisonError::into_inner);
+    let answers = answers.get_or_insert_default();
+    if let Some(found) = answers.get(&question) {
+        return Ok(found.clone());
+    }
+    let found = ask_worker(file, &configuration)?;
+    answers.insert(question, found.clone());
+    Ok(found)
+}
+
+fn ask_worker(
+    file: &GymnasiumFile,
+    configuration: &Configuration,
+) -> Result<Found, ValidationError> {
+    let timeout = Duration::from_secs_f64(file.step_timeout.get());
+    let asked = Worker::start(configuration, timeout).and_then(|(mut worker, description)| {
+        let request = ProbeRequest {
+            steps: file.probe_steps.get(),
+            seed: 0,
+            seeds: REPEATED_EPISODES,
+        };
+        worker.allow(timeout * request.steps);
+        let probe: Probe = worker.ask(Request::Probe, &request)?;
+        Ok((description, probe))
+    });
+    let (description, probe) = asked.map_err(|error| located(file, &error))?;
+    if probe.unfinished && description.time_limit.is_none() {
+        let message = format!(
+            "an episode with random actions does not end within {} steps, and the environment has no time limit",
+            file.probe_steps.get()
+        );
+        return Err(file.id.error(message).with_help("add `time_limit: 1000`"));
+    }
+    Found::new(description, &probe).map_err(|message| file.id.error(message))
+}
+
+fn located(file: &GymnasiumFile, error: &WorkerError) -> ValidationError {
+    let located = file
+        .id
+        .error(format!("the environment fails: {}", error.message()));
+    match error.help() {
+        Some(help) => located.with_help(help),
+        None => located,
+    }
+}
+
+/// The task as an agent sees it.
+fn spec(name: &str, file: &GymnasiumFile) -> Result<TaskSpec, ValidationError> {
+    let found = file.found.as_ref().expect("asked before");
+    let time_limit = file.time_limit.or(found.time_limit).ok_or_else(|| {
+        let message = "the environment has no time limit; each episode needs one";
+        file.id.error(message).with_help("add `time_limit: 1000`")
+    })?;
+    let actions = found.actions.iter().map(action).collect();
+    Ok(TaskSpec {
+        name: name.to_owned(),
+        description: if file.description.is_empty() {
+            format!("`{}` of Gymnasium", file.id.value())
+        } else {
+            file.description.clone()
+        },
+        control_step: found.control_step.get(),
+        time_limit: time_limit.get(),
+        reward_threshold: file
+            .reward_threshold
+            .or(found.reward_threshold)
+            .map(FiniteNumber::get_f32),
+        ..TaskSpec::new(name, quantities(file, found)?, actions)
+    })
+}
+
+/// The observed numbers with the names, units and ranges that the settings give them.
+fn quantities(file: &GymnasiumFile, found: &Found) -> Result<Vec<Quantity>, ValidationError> {
+    let count = found.observations.len();
+    if !file.names.is_empty() && file.names.len() != count {
+        return Err(file.names.error(format!(
+            "expected a name for each of the {count} observed numbers, found {}",
+            file.names.len()
+        )));
+    }
+    let mut quantities = Vec::new();
+    for (index, observation) in found.observations.iter().enumerate() {
+        let name = file.names.get(index).unwrap_or(&observation.name);
+        if quantities
+            .iter()
+            .any(|other: &Quantity| other.name == *name)
+        {
+            return Err(file
+                .names
+                .error(format!("the name `{name}` is given twice")));
+        }
+        let range = file.ranges.get(name).unwrap_or(&observation.range).get();
+        let unit = file.units.get(name).map_or("", String::as_str);
+        quantities.push(Quantity::new(name, unit, range.map(|bound| bound as f32)));
+    }
+    check_names(&file.units, &quantities)?;
+    check_names(&file.ranges, &quantities)?;
+    Ok(quantities)
+}
+
+/// Checks that the keys of a map are names of observed numbers.
+fn check_names<T>(
+    map: &Located<BTreeMap<String, T>>,
+    quantities: &[Quantity],
+) -> Result<(), ValidationError> {
+    let names = || quantities.iter().map(|quantity| quantity.name.as_str());
+    let Some(unknown) = map.keys().find(|key| names().all(|name| name != **key)) else {
+        return Ok(());
+    };
+    let error = map.error(format!("no observed number is named `{unknown}`"));
+    Err(match nearest_name(unknown, names()) {
+        Some(name) => error.with_help(format!("did you mean `{name}`?")),
+        None => error.with_help("`seedbed check` shows all names"),
+    })
+}
+
+fn action(found: &FoundAction) -> Action {
+    match found {
+        FoundAction::Discrete { name, count } => {
+            let values: Vec<f32> = (0..count.get()).map(|index| index as f32).collect();
+            Action::discrete(name, "", &values)
+        }
+        FoundAction::Continuous { name, range } => {
+            Action::continuous(name, "", range.get().map(|bound| bound as f32))
+        }
+    }
+}

@@ -1,0 +1,308 @@
+"""Environments of Gymnasium as tasks of the program `seedbed`: runs, bits, faults, views.
+
+The program is that of the environment variable SEEDBED_PROGRAM, or the newest one that Cargo built in this repository.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+from test_recording_program import program  # noqa: F401
+
+import seedbed
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A directory with a file of environments and a scenario, which is the working directory."""
+    shutil.copy(HERE / "foreign_environments.py", tmp_path / "foreign.py")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SEEDBED_PYTHON", sys.executable)
+    return tmp_path
+
+
+def scenario(folder: Path, environment: str, **fields: str) -> Path:
+    path = folder / "mine.ron"
+    settings = {"agents": "(count: 3)", "algorithm": "SeedPg()", "stop": "Episodes(6)", "checkpoint_share": "1.0", **fields}
+    lines = "".join(f"    {name}: {value},\n" for name, value in settings.items())
+    path.write_text(f"Scenario(\n    environment: {environment},\n{lines})\n")
+    return path
+
+
+def call(program: str, *arguments: object, status: int = 0) -> subprocess.CompletedProcess[str]:
+    result = subprocess.run([program, *map(str, arguments)], capture_output=True, text=True, timeout=300)
+    assert result.returncode == status, result.stderr + result.stdout
+    return result
+
+
+def bits(folder: Path) -> list[bytes]:
+    return [(folder / name).read_bytes() for name in ("episodes.csv", "rounds.csv", "policies.safetensors")]
+
+
+AWKWARD = 'Gymnasium(id: "foreign.py:awkward", kwargs: {"size": 2.5}, time_limit: 30)'
+CARTPOLE = 'Gymnasium(id: "CartPole-v1")'
+
+
+class TestBits:
+    @pytest.mark.parametrize("environment", [CARTPOLE, AWKWARD])
+    def test_workers_threads_and_interruptions_change_no_bit(self, lab: Path, program: str, environment: str) -> None:
+        path = scenario(lab, environment)
+        call(program, "run", path, "--out", "whole", "--threads", "1")
+        for workers, threads in [(1, 2), (2, 1), (3, 2), (3, 3)]:
+            out = f"w{workers}-{threads}"
+            call(program, "run", path, "--set", f"environment.workers={workers}", "--threads", threads, "--out", out)
+            assert bits(lab / out) == bits(lab / "whole")
+        call(program, "run", path, "--out", "part", "--abort-after-rounds", "3", status=-signal.SIGABRT)
+        call(program, "run", path, "--out", "part", "--resume")
+        assert bits(lab / "part") == bits(lab / "whole")
+
+    @pytest.mark.parametrize(
+        "fields",
+        [
+            {"schedule": "Asynchronous(training: (env_steps: 5))"},
+            {"algorithm": "QLearning()", "schedule": "Lockstep(learn_every: 4)"},
+            {"schedule": "Synchronous(episodes: 2)", "algorithm": "SeedPg(bonus: Vime(seeds: Shift))"},
+            {"algorithm": "CrossEntropy()"},
+        ],
+    )
+    def test_all_schedules_and_kinds_of_algorithms_work(self, lab: Path, program: str, fields: dict[str, str]) -> None:
+        path = scenario(lab, CARTPOLE, **fields)
+        call(program, "run", path, "--out", "whole")
+        call(program, "run", path, "--out", "part", "--abort-after-rounds", "2", status=-signal.SIGABRT)
+        call(program, "run", path, "--out", "part", "--resume", "--set", "environment.workers=2")
+        assert bits(lab / "part") == bits(lab / "whole")
+
+    def test_the_recorded_states_are_those_of_gymnasium(self, lab: Path, program: str) -> None:
+        """Played again with Gymnasium alone: the recorded actions lead to the recorded observations and returns."""
+        path = scenario(lab, CARTPOLE, recording="(raw_every: 1)")
+        call(program, "run", path, "--out", "run")
+        call(program, "export", "run", "--to", "states.npz")
+        with np.load("states.npz") as states:
+            columns = {name: states[name] for name in states.files}
+        environment = gymnasium.make("CartPole-v1")
+        chosen = (columns["agent"] == 1) & (columns["episode"] == 2)
+        names = [f"observation_{index}" for index in range(4)]
+        observations = np.stack([columns[name][chosen] for name in names], axis=1)
+        actions = columns["action_0"][chosen]
+        environment.reset(seed=0)
+        environment.unwrapped.state = tuple(observations[0].astype(np.float64))
+        for before, after in zip(range(len(actions) - 1), range(1, len(actions)), strict=True):
+            observation, reward, _, _, _ = environment.step(int(actions[before]))
+            assert np.allclose(observation, observations[after], atol=1e-5)
+            assert reward == 1.0
+
+
+class TestSettings:
+    def test_names_units_ranges_and_limits_are_those_of_the_file(self, lab: Path, program: str) -> None:
+        environment = (
+            'Gymnasium(id: "foreign.py:awkward", names: ["at_left", "at_middle", "at_right", "x", "v"], '
+            'units: {"x": "m"}, ranges: {"x": (-5, 5)}, time_limit: 7, reward_threshold: 0.5)'
+        )
+        path = scenario(lab, environment)
+        checked = call(program, "check", path).stdout
+        assert "observations at_left, at_middle, at_right, x, v" in checked
+        call(program, "run", path, "--out", "run")
+        stored = (lab / "run/envs/awkward.ron").read_text()
+        assert "range: (-5" not in stored.split("found:")[1]
+        assert seedbed.load("run").episodes["length"].max() == 7
+        summary = json.loads((lab / "run/summary.json").read_text())
+        assert summary["solved_at"]["return"] == 0.5
+
+    @pytest.mark.parametrize(
+        ("environment", "expected"),
+        [
+            ('Gymnasium(id: "CartPole-v7")', "CartPole"),
+            ('Gymnasium(id: "no_such_module:X-v0")', "pip install no_such_module"),
+            ('Gymnasium(id: "foreign.py:nothing")', "nothing"),
+            ('Gymnasium(id: "nowhere.py:awkward")', "nowhere.py"),
+            ('Gymnasium(id: "foreign.py:not_an_environment")', "gymnasium.Env"),
+            ('Gymnasium(id: "foreign.py:fails")', "OSError: the simulator has no license"),
+            ('Gymnasium(id: "foreign.py:awkward", kwargs: {"sise": 3})', "sise"),
+            ('Gymnasium(id: "foreign.py:awkward", time_limit: 9, names: ["x"])', "expected a name for each of the 5"),
+            ('Gymnasium(id: "foreign.py:awkward", time_limit: 9, units: {"plase_0": "m"})', "did you mean `place_0`?"),
+            ('Gymnasium(id: "foreign.py:endless")', "add `time_limit: 1000`"),
+            ('Gym(id: "CartPole-v1")', "Gymnasium(id:"),
+            ('Gymnasium(name: "CartPole-v1")', "unexpected field `name`"),
+            ('Gymnasium(id: "CartPole-v1", time_limit: 0)', "whole number from 1"),
+        ],
+    )
+    def test_mistakes_are_named_with_their_place(self, lab: Path, program: str, environment: str, expected: str) -> None:
+        result = call(program, "run", scenario(lab, environment), status=2)
+        assert expected in result.stderr
+        assert "mine.ron:2:" in result.stderr
+        assert "panicked" not in result.stderr
+
+    def test_a_missing_interpreter_says_how_to_name_another(self, lab: Path, program: str) -> None:
+        result = call(program, "check", scenario(lab, CARTPOLE), "--python", "no/such/python", status=2)
+        assert "cannot start no/such/python" in result.stderr and "--python" in result.stderr
+
+    def test_tasks_in_files_have_what_python_says(self, lab: Path, program: str) -> None:
+        call(program, "new", "task", "pole", "--env", "gymnasium:CartPole-v1")
+        call(program, "new", "scenario", "balance", "--env", "pole")
+        listed = call(program, "list", "environments", "--python", "/nowhere").stdout
+        assert "observation_3" in listed
+        call(program, "run", "balance", "--set", "stop=Episodes(2)", "--out", "run")
+        call(program, "new", "scenario", "inline", "--env", "gymnasium:CartPole-v1")
+        assert 'Gymnasium(id: "CartPole-v1")' in (lab / "scenarios/inline.ron").read_text()
+
+    def test_the_command_line_can_name_an_environment(self, lab: Path, program: str) -> None:
+        call(program, "run", "cartpole", "--set", f"environment={AWKWARD}", "--set", "stop=Episodes(2)", "--out", "run")
+        assert json.loads((lab / "run/summary.json").read_text())["environment"] == "awkward"
+
+
+class TestFaults:
+    @pytest.mark.parametrize(
+        ("fault", "expected"),
+        [
+            ("raise", "ValueError: the motor is on fire"),
+            ("recurse", "RecursionError"),
+            ("exit", "SystemExit"),
+            ("die", "ended with exit status 7"),
+            ("kill", "killed (signal 9)"),
+            ("hang", "no answer within"),
+            ("shape", "shape"),
+            ("no_reward", "reward"),
+            ("reset", "RuntimeError: no start"),
+            ("nan", "non-finite observation `place_0`"),
+        ],
+    )
+    @pytest.mark.parametrize("workers", [1, 2])
+    def test_a_failing_step_keeps_all_finished_rounds(
+        self, lab: Path, program: str, fault: str, expected: str, workers: int
+    ) -> None:
+        # The probe makes an environment of its own, which must not fail.
+        environment = (
+            f'Gymnasium(id: "foreign.py:faulty", kwargs: {{"fault": "{fault}", "after": 12}}, time_limit: 20, '
+            f"probe_steps: 20, workers: {workers}, step_timeout: 1)"
+        )
+        path = scenario(lab, environment, stop="Episodes(16)")
+        result = call(program, "run", path, "--out", "run", status=1)
+        assert expected in result.stderr, result.stderr
+        assert len(result.stderr.splitlines()) < 60
+        if fault not in ("die", "kill", "hang"):
+            assert "agent 0, episode 12" in result.stderr
+        rows = (lab / "run/episodes.csv").read_text().splitlines()
+        assert len(rows) == 1 + 3 * 12
+        call(program, "evaluate", "run", "--episodes", "1")
+
+    def test_workers_end_with_the_program(self, lab: Path, program: str) -> None:
+        environment = 'Gymnasium(id: "foreign.py:awkward", kwargs: {"slow": 0.02}, time_limit: 30, workers: 2, probe_steps: 30)'
+        path = scenario(lab, environment, stop="Episodes(100000)")
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            running = subprocess.Popen([program, "run", str(path), "--out", f"out-{number}"], start_new_session=True)
+            workers = wait_for_workers(running.pid)
+            os.kill(running.pid, number)
+            status = running.wait(timeout=30)
+            assert status == {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}[number]
+            assert_gone(workers)
+
+    def test_a_changed_python_file_is_another_task(self, lab: Path, program: str) -> None:
+        path = scenario(lab, AWKWARD)
+        call(program, "run", path, "--out", "run", "--abort-after-rounds", "2", status=-signal.SIGABRT)
+        with open("foreign.py", "a") as file:
+            file.write("\n# changed\n")
+        refused = call(program, "run", path, "--out", "run", "--resume", status=2).stderr
+        assert "source_sha256" in refused
+
+    def test_other_versions_are_refused_unless_insisted(self, lab: Path, program: str) -> None:
+        path = scenario(lab, CARTPOLE)
+        call(program, "run", path, "--out", "run", "--abort-after-rounds", "2", status=-signal.SIGABRT)
+        replace_in_run(lab / "run", f'"gymnasium": "{gymnasium.__version__}"', '"gymnasium": "1.0.0"')
+        refused = call(program, "run", path, "--out", "run", "--resume", status=2).stderr
+        assert f"began with gymnasium 1.0.0; now it is {gymnasium.__version__}" in refused
+        call(program, "run", path, "--out", "run", "--resume", "--other-versions")
+
+
+def replace_in_run(run: Path, old: str, new: str) -> None:
+    """Changes the copy of the task, with its checksum."""
+    import hashlib
+
+    [task] = (run / "envs").glob("*.ron")
+    before = task.read_bytes()
+    assert old.encode() in before
+    after = before.replace(old.encode(), new.encode())
+    task.write_bytes(after)
+    sums = run / "SHA256SUMS"
+    lines = sums.read_text().replace(hashlib.sha256(before).hexdigest(), hashlib.sha256(after).hexdigest())
+    listed = "".join(line for line in lines.splitlines(keepends=True) if not line.startswith("# SHA-256 of the lines"))
+    sums.write_text(listed + f"# SHA-256 of the lines above: {hashlib.sha256(listed.encode()).hexdigest()}\n")
+
+
+def wait_for_workers(parent: int, count: int = 2) -> list[int]:
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        listed = Path(f"/proc/{parent}/task").glob("*/children")
+        children = [int(child) for path in listed for child in path.read_text().split()]
+        if len(children) == count:
+            time.sleep(1.0)
+            return children
+        time.sleep(0.05)
+    raise AssertionError("no workers")
+
+
+def assert_gone(processes: list[int]) -> None:
+    deadline = time.monotonic() + 10
+    while any(Path(f"/proc/{process}").exists() for process in processes):
+        assert time.monotonic() < deadline, "a worker outlives the program"
+        time.sleep(0.05)
+
+
+class TestRepeatability:
+    def test_history_is_found_and_said(self, lab: Path, program: str) -> None:
+        path = scenario(lab, 'Gymnasium(id: "foreign.py:remembers", time_limit: 20)')
+        assert "cannot be repeated bit for bit" in call(program, "check", path).stdout
+        assert "cannot be repeated bit for bit" in call(program, "run", path, "--out", "run").stdout
+        summary = json.loads((lab / "run/summary.json").read_text())
+        assert "repeatability_warning" in summary
+        study = lab / "study.ron"
+        study.write_text('Study(title: "t", about: "a", cells: [(name: "only", scenario: "mine.ron")], measures: [FinalReturn(window: 3)], repeats: 2)')
+        call(program, "study", study, "--out", "results")
+        result = call(program, "study", "verify", study, "--out", "results", status=1)
+        assert "cannot be repeated bit for bit" in result.stderr
+
+    def test_environments_without_history_are_verified(self, lab: Path, program: str) -> None:
+        scenario(lab, AWKWARD)
+        study = lab / "study.ron"
+        study.write_text('Study(title: "t", about: "a", cells: [(name: "only", scenario: "mine.ron")], measures: [FinalReturn(window: 3)], repeats: 3)')
+        call(program, "study", study, "--out", "results")
+        assert "3 of 3 repeated runs are bit-identical" in call(
+            program, "study", "verify", study, "--out", "results", "--runs", "100%"
+        ).stdout
+
+
+class TestViews:
+    def test_a_moved_run_has_all_that_commands_need(self, lab: Path, program: str, tmp_path_factory) -> None:
+        call(program, "run", scenario(lab, AWKWARD), "--out", "run")
+        moved = tmp_path_factory.mktemp("elsewhere") / "moved"
+        shutil.move(lab / "run", moved)
+        (lab / "foreign.py").unlink()
+        (lab / "mine.ron").unlink()
+        call(program, "evaluate", moved)
+        call(program, "replay", moved, "--out", lab / "replay.rrd")
+        call(program, "explore", moved)
+        assert "place_0" in (moved / "explore.html").read_text()
+        call(program, "plot", moved, "--out", lab / "run.svg")
+        call(program, "film", moved, "--seconds", "1")
+        assert "coverage" in call(program, "inspect", moved).stdout
+        call(program, "export", moved, "--to", lab / "states.csv")
+        assert seedbed.load(moved).states is not None
+        call(program, "run", moved / "scenario.ron", "--out", lab / "again")
+        assert bits(lab / "again") == bits(moved)
+
+    def test_tuning_and_previews_work(self, lab: Path, program: str) -> None:
+        scenario(lab, CARTPOLE)
+        call(program, "new", "task", "pole", "--env", "gymnasium:CartPole-v1")
+        call(program, "preview", "pole", "--episodes", "2", "--film")
+        assert (lab / "recordings/preview/pole.gif").is_file()
