@@ -1,8 +1,10 @@
 //! Training as an experiment: a team that learns in rounds.
 
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, PoisonError};
 
 use super::{
     Experiment, RunControl, RunEnding, RunQueue, RunReport, RunRequest, StopRule,
@@ -29,6 +31,21 @@ use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{ranged_count, ranged_number};
 use seedbed_input::{Located, limits};
 use seedbed_settings::Settings;
+
+/// Settings of tasks by the texts of their files. Many cells of a study have the same task, and to find what has its
+/// default a text is read once for each of its fields.
+static TASK_SETTINGS: Mutex<BTreeMap<String, Settings>> = Mutex::new(BTreeMap::new());
+
+/// [`seedbed_env::task_settings`], computed once for each text.
+fn task_settings(text: &str) -> Settings {
+    let known = || TASK_SETTINGS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(settings) = known().get(text) {
+        return settings.clone();
+    }
+    let settings = seedbed_env::task_settings(text);
+    known().insert(text.to_owned(), settings.clone());
+    settings
+}
 
 impl Experiment for Plan {
     fn name(&self) -> &str {
@@ -107,7 +124,7 @@ impl Experiment for Plan {
 
     fn settings(&self) -> Settings {
         let scenario = with_defaults_except_for_learning(self.scenario.clone(), 0);
-        let task = seedbed_env::task_settings(&self.environment_text);
+        let task = task_settings(&self.environment_text);
         seedbed_input::settings_of::<Scenario>(&scenario.resolved()).with("task", task)
     }
 

@@ -96,9 +96,9 @@ fn unknown_formats_are_refused() {
     run_refused(&["export", run.to_str().unwrap()]);
 }
 
-/// A run of some megabytes.
-fn large_run(folder: &Path) {
-    let output = small_run(folder, &["--set", "stop=Episodes(3000)"]);
+/// A run of some kilobytes for each episode.
+fn large_run(folder: &Path, episodes: u32) {
+    let output = small_run(folder, &["--set", &format!("stop=Episodes({episodes})")]);
     assert!(output.status.success(), "{}", stderr(&output));
 }
 
@@ -108,7 +108,7 @@ fn large_run(folder: &Path) {
 fn interrupted_commands_leave_no_incomplete_file() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
-    large_run(&run);
+    large_run(&run, 1500);
     let [run, out] = [run, folder.path().join("out")].map(|path| path.display().to_string());
     std::fs::create_dir(&out).unwrap();
     let to = |name: &str| format!("{out}/{name}");
@@ -172,7 +172,7 @@ fn interrupted_commands_leave_no_incomplete_file() {
 fn exports_that_do_not_fit_name_the_file_and_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
-    large_run(&run);
+    large_run(&run, 300);
     let out = folder.path().join("out");
     let program = env!("CARGO_BIN_EXE_seedbed");
     for (arguments, file) in [
