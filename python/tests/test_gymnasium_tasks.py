@@ -306,3 +306,31 @@ class TestViews:
         call(program, "new", "task", "pole", "--env", "gymnasium:CartPole-v1")
         call(program, "preview", "pole", "--episodes", "2", "--film")
         assert (lab / "recordings/preview/pole.gif").is_file()
+
+
+SHIPPED = HERE.parents[1] / "scenarios/gymnasium"
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.ron")), ids=lambda path: path.stem)
+def test_scenarios_of_the_repository_run(lab: Path, program: str, path: Path) -> None:
+    call(program, "run", path, "--out", "run", "--set", "stop=Episodes(2)", "--no-recording")
+
+
+def test_fields_of_shipped_tasks_are_what_python_says(lab: Path, program: str) -> None:
+    """But versions, which are those of the machine where they were asked."""
+    for path in SHIPPED.glob("*.py"):
+        shutil.copy(path, lab)
+    (lab / "envs").mkdir()
+    for path in sorted((SHIPPED / "envs").glob("*.ron")):
+        stored = path.read_text()
+        short = stored[: stored.index("    found: ")] + ")"
+        (lab / "envs" / path.name).write_text(short)
+        scenario(lab, f'"envs/{path.name}"', agents="(count: 1)", algorithm="Random", stop="Episodes(1)")
+        call(program, "run", "mine.ron", "--out", f"run-{path.stem}", "--no-recording")
+        found = (lab / f"run-{path.stem}/envs/{path.name}").read_text()
+        assert without_versions(found) == without_versions(stored)
+
+
+def without_versions(text: str) -> str:
+    found = text[text.index("    found: ") :]
+    return "".join(found[: found.index("versions: ")].split())

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::interruption::StopRequests;
 use super::memory;
@@ -14,9 +14,11 @@ use seedbed::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer
 use seedbed::run::folder::{Contents, RunFolder};
 use seedbed::run::ranks::{Exchanged, Ranks, exchanged};
 use seedbed::run::recorder::{Attempt, RecorderFactory};
+use seedbed::run::training::thread_count;
 use seedbed::run::{Observer, Options, RunError};
 use seedbed::storage::file_lock::FileLock;
 use seedbed::text::shell_word;
+use seedbed_env::gymnasium::time_waited;
 
 pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     if args.mpi {
@@ -114,7 +116,7 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
     if let (Some(note), false) = (experiment.round_cost_note(), args.quiet) {
         note!("note       {note}");
     }
-    let started = Instant::now();
+    let (started, waited_before) = (Instant::now(), time_waited());
     let mut observer = observer(args, experiment.name());
     let stop_requests = StopRequests::listen("stopping, at the latest after this round");
     let recorder_factory = run_recorder_factory(args, &options.folder, live);
@@ -139,9 +141,22 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
             if !args.quiet {
                 print_report(args, &*experiment, &report, &options, seconds);
                 print_exchanged(&exchanged, seconds);
+                let waited = time_waited().saturating_sub(waited_before);
+                print_time_of_environment(waited, seconds, options.threads);
             }
             Ok(())
         }
+    }
+}
+
+/// Prints how much of the time threads waited for an environment of Gymnasium, if they did.
+fn print_time_of_environment(waited: Duration, seconds: f64, threads: usize) {
+    if !waited.is_zero() {
+        let share = waited.as_secs_f64() / seconds / thread_count(threads) as f64;
+        say!(
+            "workers    {:.0} % of the time of all threads was the environment's",
+            100.0 * share.min(1.0)
+        );
     }
 }
 

@@ -19,6 +19,10 @@ pub struct MemoryEstimate {
 /// states, and the recorder's data (measured: 270 kB without, 410 kB with a recording).
 const BYTES_PER_AGENT: u64 = 400_000;
 
+/// Bytes of a worker process of an environment of Gymnasium (measured: 37 MB for a cart-pole, 131 MB for 64 half
+/// cheetahs).
+const BYTES_PER_WORKER: u64 = 100_000_000;
+
 /// Copies of the episodes of a round: the one that is played, the one that is recorded, and samples for
 /// gradient steps.
 const COPIES_OF_A_ROUND: u64 = 4;
@@ -53,10 +57,12 @@ impl Plan {
         let in_round = product(&[u64::from(agents), length, episodes_per_round]);
         let kept = scenario.algorithm.transitions_kept().min(steps);
         let round = product(&[in_round, COPIES_OF_A_ROUND, bytes_per_step]);
+        let workers = self.description.worker_count(agents as usize, 1) as u64;
+        let workers = product(&[workers, BYTES_PER_WORKER]);
         MemoryEstimate {
             learning: scenario.algorithm.config().memory(spec, agents, steps),
             episodes: round.saturating_add(product(&[kept, bytes_per_step])),
-            agents: product(&[agents.into(), BYTES_PER_AGENT]),
+            agents: product(&[agents.into(), BYTES_PER_AGENT]).saturating_add(workers),
         }
     }
 }

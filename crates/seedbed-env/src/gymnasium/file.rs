@@ -9,11 +9,10 @@ use seedbed_settings::Settings;
 use serde::{Deserialize, Serialize};
 
 use super::found::Found;
-use super::task::GymnasiumTask;
+use seedbed_input::Located;
 use seedbed_input::numbers::{
     Count, FiniteNumber, Interval, Positive, ranged_count, ranged_number,
 };
-use seedbed_input::{InputError, Located};
 
 /// An environment of Gymnasium: `Gymnasium(id: "CartPole-v1")`.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
@@ -90,28 +89,6 @@ impl GymnasiumFile {
         let is_python = path.extension().is_some_and(|extension| extension == "py");
         is_python.then_some((path, function))
     }
-}
-
-/// Reads a task file in `folder`. Returns the task and the text of its file with all that the
-/// environment says of itself.
-///
-/// # Errors
-/// Something in the text is wrong, or the environment cannot be made.
-pub fn parse(
-    name: &str,
-    origin: &str,
-    folder: &Path,
-    text: &str,
-) -> Result<(GymnasiumTask, String), InputError> {
-    let document = seedbed_input::parse::<GymnasiumFile>(origin, text.to_owned())?;
-    let task = GymnasiumTask::new(name, origin, folder, document.value.clone());
-    let task = task.map_err(|error| document.locate(error))?;
-    let text = if document.value.found.is_some() {
-        document.text
-    } else {
-        task.text()
-    };
-    Ok((task, text))
 }
 
 /// Whether the text of a task file has all that the environment says of itself, so that reading it runs no

@@ -19,10 +19,11 @@ mod task;
 mod worker;
 
 pub use self::failure::{EnvironmentFailure, catch_failure};
-pub use self::file::{DiscreteObservations, GymnasiumFile, is_complete, parse};
+pub use self::file::{DiscreteObservations, GymnasiumFile, is_complete};
 pub use self::found::{Found, FoundAction, FoundObservation};
 pub use self::python::{python, set_python};
-pub use self::task::GymnasiumTask;
+pub use self::task::{GymnasiumTask, parse};
+pub use self::worker::time_waited;
 
 pub(crate) use self::environment::GymnasiumEnvironment;
 pub(crate) use self::file::settings;

@@ -1,6 +1,6 @@
 //! A checked task of Gymnasium, from which environments are built.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -13,7 +13,7 @@ use super::worker::{Worker, WorkerError};
 use crate::{Action, Quantity, TaskSpec};
 use seedbed_input::edit::to_ron_string;
 use seedbed_input::numbers::{Count, FiniteNumber};
-use seedbed_input::{Located, ValidationError, nearest_name};
+use seedbed_input::{InputError, Located, ValidationError, nearest_name};
 
 /// A task of Gymnasium.
 #[derive(Clone, Debug, PartialEq)]
@@ -165,6 +165,29 @@ impl GymnasiumTask {
     }
 }
 
+/// Reads a task file in `folder`. Returns the task and the text of its file with all that the
+/// environment says of itself.
+///
+/// # Errors
+/// Something in the text is wrong, or the environment cannot be made.
+pub fn parse(
+    name: &str,
+    origin: &str,
+    folder: &Path,
+    text: &str,
+) -> Result<(GymnasiumTask, String), InputError> {
+    let document = seedbed_input::parse::<GymnasiumFile>(origin, text.to_owned())?;
+    let task = GymnasiumTask::new(name, origin, folder, document.value.clone());
+    let task = task.map_err(|error| document.locate(error))?;
+    let is_complete = document.value.found.is_some() && document.value.function().is_none();
+    let text = if is_complete {
+        document.text
+    } else {
+        task.text()
+    };
+    Ok((task, text))
+}
+
 fn configuration(
     file: &GymnasiumFile,
     folder: &Path,
@@ -198,7 +221,7 @@ fn configuration(
 
 /// Asks the environment what the settings do not say. The same question is asked once per process.
 fn ask(file: &GymnasiumFile, folder: &Path) -> Result<Found, ValidationError> {
-    static ANSWERS: Mutex<Option<HashMap<String, Found>>> = Mutex::new(None);
+    static ANSWERS: Mutex<BTreeMap<String, Found>> = Mutex::new(BTreeMap::new());
     if serde_json::to_value(file.kwargs.value()).is_err() {
         let message = "expected arguments that JSON can express: numbers, texts, lists, maps";
         return Err(file.kwargs.error(message));
@@ -207,7 +230,6 @@ fn ask(file: &GymnasiumFile, folder: &Path) -> Result<Found, ValidationError> {
     let question = serde_json::to_string(&(&configuration, file.probe_steps))
         .expect("plain data always serializes");
     let mut answers = ANSWERS.lock().unwrap_or_else(PoisonError::into_inner);
-    let answers = answers.get_or_insert_default();
     if let Some(found) = answers.get(&question) {
         return Ok(found.clone());
     }

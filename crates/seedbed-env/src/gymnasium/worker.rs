@@ -5,6 +5,7 @@ use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -49,6 +50,15 @@ const KEPT_OUTPUT: usize = 4000;
 
 /// Number of lines of the worker's output that errors show.
 const SHOWN_LINES: usize = 10;
+
+/// Nanoseconds in which threads of this process waited for workers.
+static WAITED: AtomicU64 = AtomicU64::new(0);
+
+/// How long threads of this process have waited for environments of Gymnasium, all together.
+#[must_use]
+pub fn time_waited() -> Duration {
+    Duration::from_nanos(WAITED.load(Ordering::Relaxed))
+}
 
 /// A running worker.
 #[derive(Debug)]
@@ -200,7 +210,15 @@ impl Worker {
 
     /// Waits for a frame with this tag and returns its payload.
     pub(super) fn receive(&mut self, expected: u8) -> Result<&[u8], WorkerError> {
-        let deadline = Instant::now() + self.timeout;
+        let start = Instant::now();
+        let received = self.receive_frame(expected, start + self.timeout);
+        WAITED.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
+        received?;
+        Ok(&self.buffer)
+    }
+
+    /// Reads a frame into the buffer.
+    fn receive_frame(&mut self, expected: u8, deadline: Instant) -> Result<(), WorkerError> {
         let mut header = [0; HEADER];
         self.read_exact(&mut header, deadline)?;
         let [a, b, c, d, tag] = header;
@@ -218,7 +236,7 @@ impl Worker {
         if tag == answer::ERROR {
             return Err(python_error(&self.buffer));
         }
-        Ok(&self.buffer)
+        Ok(())
     }
 
     fn read_exact(&mut self, bytes: &mut [u8], deadline: Instant) -> Result<(), WorkerError> {
