@@ -143,7 +143,7 @@ FAILURES = {
     "generator": lambda: fail(GeneratorExit()),
     "stop": lambda: fail(StopIteration()),
     "long": lambda: fail(ValueError("x" * 100_000)),
-    "surrogate": lambda: fail(ValueError(os.fsdecode(b"caf\\xe9"))),
+    "surrogate": lambda: fail(ValueError(os.fsdecode(b"license\\xe9"))),
     "cause": lambda: cause(),
     "import": lambda: __import__("no_such_package.part"),
     "sleep": lambda: time.sleep(60),
@@ -663,7 +663,7 @@ def fail(worker: Worker, tasks: Path, when: str, how: str) -> dict[str, Any]:
         ("generator", "GeneratorExit"),
         ("stop", "StopIteration"),
         ("long", "ValueError: xxx"),
-        ("surrogate", "ValueError: caf?"),
+        ("surrogate", "ValueError: license?"),
         ("cause", "RuntimeError: outer"),
     ],
 )
