@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::failure::EnvironmentFailure;
 use super::messages::{Request, answer, read_floats};
 use super::task::GymnasiumTask;
-use super::worker::{Worker, WorkerError};
+use super::worker::Worker;
+use super::worker_error::WorkerError;
 use crate::{Choice, Environment, Status, TaskSpec};
 use seedbed_random::Stream;
 

@@ -14,16 +14,24 @@ mod failure;
 mod file;
 mod found;
 mod messages;
+#[cfg(not(unix))]
+mod no_worker;
 mod python;
 mod task;
+mod waiting;
+#[cfg(unix)]
 mod worker;
+mod worker_error;
+
+#[cfg(not(unix))]
+use self::no_worker as worker;
 
 pub use self::failure::{EnvironmentFailure, catch_failure};
 pub use self::file::{DiscreteObservations, GymnasiumFile, is_complete};
 pub use self::found::{Found, FoundAction, FoundObservation};
 pub use self::python::{python, set_python};
 pub use self::task::{GymnasiumTask, parse};
-pub use self::worker::time_waited;
+pub use self::waiting::time_waited;
 
 pub(crate) use self::environment::GymnasiumEnvironment;
 pub(crate) use self::file::settings;

@@ -5,7 +5,6 @@ use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -13,10 +12,10 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::messages::{
-    Configuration, Description, HEADER, MAX_PAYLOAD, PythonError, Request, answer,
-};
+use super::messages::{Configuration, Description, HEADER, MAX_PAYLOAD, Request, answer};
 use super::python::python;
+use super::waiting::add_time_waited;
+use super::worker_error::{WorkerError, indented};
 use crate::cancellation::cancellation_point;
 
 /// The worker's program.
@@ -51,15 +50,6 @@ const KEPT_OUTPUT: usize = 4000;
 /// Number of lines of the worker's output that errors show.
 const SHOWN_LINES: usize = 10;
 
-/// Nanoseconds in which threads of this process waited for workers.
-static WAITED: AtomicU64 = AtomicU64::new(0);
-
-/// How long threads of this process have waited for environments of Gymnasium, all together.
-#[must_use]
-pub fn time_waited() -> Duration {
-    Duration::from_nanos(WAITED.load(Ordering::Relaxed))
-}
-
 /// A running worker.
 #[derive(Debug)]
 pub(super) struct Worker {
@@ -70,19 +60,6 @@ pub(super) struct Worker {
     buffer: Vec<u8>,
     /// How long an answer may take.
     timeout: Duration,
-}
-
-/// Why a worker gives no answer.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum WorkerError {
-    /// Python cannot be started.
-    NoPython(String),
-    /// An error of the environment or of Gymnasium.
-    Python(PythonError),
-    /// The process has ended, or sends what it should not.
-    Ended(String),
-    /// No answer in time.
-    Timeout(Duration),
 }
 
 impl Worker {
@@ -212,7 +189,7 @@ impl Worker {
     pub(super) fn receive(&mut self, expected: u8) -> Result<&[u8], WorkerError> {
         let start = Instant::now();
         let received = self.receive_frame(expected, start + self.timeout);
-        WAITED.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
+        add_time_waited(start.elapsed());
         received?;
         Ok(&self.buffer)
     }
@@ -347,56 +324,4 @@ fn keep_end(mut stream: impl Read, kept: &Mutex<Vec<u8>>) {
             Err(_) => return,
         }
     }
-}
-
-impl WorkerError {
-    /// The copy that the error is about.
-    pub(super) fn copy(&self) -> Option<usize> {
-        match self {
-            Self::Python(error) => error.copy,
-            _ => None,
-        }
-    }
-
-    /// What happened, with the end of Python's traceback.
-    pub(super) fn message(&self) -> String {
-        match self {
-            Self::NoPython(message) | Self::Ended(message) => message.clone(),
-            Self::Timeout(timeout) => format!(
-                "no answer within {} s (`step_timeout`); the worker process was ended",
-                timeout.as_secs_f64()
-            ),
-            Self::Python(PythonError {
-                message, traceback, ..
-            }) => match traceback.as_deref().map(str::trim_end) {
-                Some(traceback) if !traceback.is_empty() => {
-                    format!("{message}\n{}", indented(traceback))
-                }
-                _ => message.clone(),
-            },
-        }
-    }
-
-    /// What to do.
-    pub(super) fn help(&self) -> Option<String> {
-        match self {
-            Self::NoPython(_) => Some(
-                "name an interpreter that has Gymnasium with `--python` or SEEDBED_PYTHON"
-                    .to_owned(),
-            ),
-            Self::Python(error) => error.help.as_ref().map(|help| {
-                let python = python();
-                format!(
-                    "{help} (Python is {}; `--python` names another)",
-                    python.display()
-                )
-            }),
-            Self::Timeout(_) | Self::Ended(_) => None,
-        }
-    }
-}
-
-fn indented(text: &str) -> String {
-    let lines = text.lines().map(|line| format!("    {line}"));
-    lines.collect::<Vec<_>>().join("\n")
 }
