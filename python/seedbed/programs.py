@@ -6,7 +6,7 @@ import os
 import re
 import subprocess
 
-from seedbed_command import command
+from seedbed_command import command, use_this_python
 
 from .errors import RunError
 
@@ -18,6 +18,7 @@ def call(*arguments: str | os.PathLike[str]) -> str:
         RunError: It failed. The message is its own, without `error: `.
         FileNotFoundError: There is no program; see `seedbed.command`.
     """
+    use_this_python()
     line = [command(), *(os.fspath(argument) for argument in arguments)]
     done = subprocess.run(line, capture_output=True, encoding="utf-8", errors="replace", stdin=subprocess.DEVNULL)
     if done.returncode != 0:

@@ -14,7 +14,7 @@ import sysconfig
 from pathlib import Path
 from typing import NoReturn
 
-__all__ = ["command", "main"]
+__all__ = ["command", "main", "use_this_python"]
 
 VARIABLE = "SEEDBED_PROGRAM"
 FILE_NAME = "seedbed.exe" if os.name == "nt" else "seedbed"
@@ -52,6 +52,7 @@ def main() -> NoReturn:
     except FileNotFoundError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
+    use_this_python()
     arguments = [program, *sys.argv[1:]]
     try:
         if os.name != "nt":
@@ -62,6 +63,11 @@ def main() -> NoReturn:
     except OSError as error:
         print(f"error: cannot run {program}: {error.strerror}", file=sys.stderr)
         sys.exit(1)
+
+
+def use_this_python() -> None:
+    """Let programs that this process starts run environments of Gymnasium with its own Python, unless another is chosen."""
+    os.environ.setdefault("SEEDBED_PYTHON", sys.executable)
 
 
 def _chosen_program(path: str) -> str:

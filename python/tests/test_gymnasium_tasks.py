@@ -148,6 +148,12 @@ class TestSettings:
         result = call(program, "check", scenario(lab, CARTPOLE), "--python", "no/such/python", status=2)
         assert "cannot start no/such/python" in result.stderr and "--python" in result.stderr
 
+    def test_the_command_of_the_package_uses_its_own_python(self, lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.delenv("SEEDBED_PYTHON")
+        monkeypatch.delenv("VIRTUAL_ENV", raising=False)
+        checked = call(sys.executable, "-m", "seedbed", "check", scenario(lab, CARTPOLE))
+        assert "observation_3" in checked.stdout
+
     def test_tasks_in_files_have_what_python_says(self, lab: Path, program: str) -> None:
         call(program, "new", "task", "pole", "--env", "gymnasium:CartPole-v1")
         call(program, "new", "scenario", "balance", "--env", "pole")
