@@ -47,12 +47,12 @@ struct PlayedEpisode {
     actions: Vec<f32>,
 }
 
-/// The state of a copy that is stored. Gymnasium cannot store states of environments: they are played
+/// The state of a copy in which an episode is running. Gymnasium cannot store states of environments: they are played
 /// again.
 #[derive(Serialize, Deserialize)]
 struct SavedCopy {
     episode: PlayedEpisode,
-    /// The observation that the episode must lead to; empty if no episode is running.
+    /// The observation that the episode must lead to.
     observation: Vec<f32>,
 }
 
@@ -258,7 +258,7 @@ fn start_together(
     let mut started = Vec::new();
     for copies in ranges {
         started.push(WorkerCopies {
-            worker: Worker::begin_start(&task.configuration(copies.len(), false))?,
+            worker: Worker::begin_start(&task.configuration(copies.len()))?,
             copies,
             is_stepping: false,
         });
@@ -329,26 +329,20 @@ impl Environment for GymnasiumEnvironment {
     fn save(&self, copy: usize) -> Vec<u8> {
         let width = self.task.spec.observation_width();
         let is_running = self.statuses[copy] == Status::Running;
-        let saved = if is_running {
-            SavedCopy {
-                episode: self.episodes[copy].clone(),
-                observation: self.observations[copy * width..][..width].to_vec(),
-            }
-        } else {
-            SavedCopy {
-                episode: PlayedEpisode::default(),
-                observation: Vec::new(),
-            }
-        };
+        let saved = is_running.then(|| SavedCopy {
+            episode: self.episodes[copy].clone(),
+            observation: self.observations[copy * width..][..width].to_vec(),
+        });
         postcard::to_stdvec(&saved).expect("plain data always serializes")
     }
 
     fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String> {
-        let saved: SavedCopy = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let saved: Option<SavedCopy> =
+            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         self.statuses[copy] = Status::Idle;
-        if saved.observation.is_empty() {
+        let Some(saved) = saved else {
             return Ok(());
-        }
+        };
         let (action_width, width) = (
             self.task.spec.action_width(),
             self.task.spec.observation_width(),

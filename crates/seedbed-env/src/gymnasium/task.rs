@@ -44,6 +44,11 @@ impl GymnasiumTask {
         folder: &Path,
         mut file: GymnasiumFile,
     ) -> Result<Self, ValidationError> {
+        // Also of a file that is complete: it asks nothing, but its copies are made with them.
+        if serde_json::to_value(file.kwargs.value()).is_err() {
+            let message = "expected arguments that JSON can express: numbers, texts, lists, maps";
+            return Err(file.kwargs.error(message));
+        }
         if file.found.is_none() {
             file.found = Some(ask(&file, folder)?);
         }
@@ -108,7 +113,7 @@ impl GymnasiumTask {
     /// # Errors
     /// The environment cannot be made.
     pub fn version_difference(&self) -> Result<Option<String>, EnvironmentFailure> {
-        let started = Worker::start(&self.configuration(1, false), self.step_timeout());
+        let started = Worker::start(&self.configuration(1), self.step_timeout());
         let (_, description) = started.map_err(|error| EnvironmentFailure {
             copy: None,
             place: String::new(),
@@ -140,8 +145,8 @@ impl GymnasiumTask {
         asked.unwrap_or(threads).clamp(1, copies.max(1))
     }
 
-    pub(super) fn configuration(&self, copies: usize, render: bool) -> Configuration {
-        configuration(&self.file, &self.folder, copies, render)
+    pub(super) fn configuration(&self, copies: usize) -> Configuration {
+        configuration(&self.file, &self.folder, copies)
     }
 
     pub(super) fn step_timeout(&self) -> Duration {
@@ -189,12 +194,7 @@ pub fn parse(
     Ok((task, text))
 }
 
-fn configuration(
-    file: &GymnasiumFile,
-    folder: &Path,
-    copies: usize,
-    render: bool,
-) -> Configuration {
+fn configuration(file: &GymnasiumFile, folder: &Path, copies: usize) -> Configuration {
     let folder = if folder.as_os_str().is_empty() {
         Path::new(".")
     } else {
@@ -210,7 +210,7 @@ fn configuration(
         kwargs: serde_json::to_value(file.kwargs.value()).unwrap_or_default(),
         copies,
         time_limit: file.time_limit.map(Count::get),
-        render,
+        render: false,
         discrete: match file.discrete {
             DiscreteObservations::OneHot => "one_hot",
             DiscreteObservations::Number => "number",
@@ -223,11 +223,7 @@ fn configuration(
 /// Asks the environment what the settings do not say. The same question is asked once per process.
 fn ask(file: &GymnasiumFile, folder: &Path) -> Result<Found, ValidationError> {
     static ANSWERS: Mutex<BTreeMap<String, Found>> = Mutex::new(BTreeMap::new());
-    if serde_json::to_value(file.kwargs.value()).is_err() {
-        let message = "expected arguments that JSON can express: numbers, texts, lists, maps";
-        return Err(file.kwargs.error(message));
-    }
-    let configuration = configuration(file, folder, 1, false);
+    let configuration = configuration(file, folder, 1);
     let question = serde_json::to_string(&(&configuration, file.probe_steps))
         .expect("plain data always serializes");
     let mut answers = ANSWERS.lock().unwrap_or_else(PoisonError::into_inner);
