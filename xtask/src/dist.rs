@@ -22,7 +22,8 @@ const MAX_SIZE: u64 = 46_000_000;
 
 /// Builds the program, writes the archive to `target/dist`, and installs it in a temporary directory.
 pub(super) fn dist() -> Result<(), String> {
-    let mut build = cargo_command(&["build", "--release", "--locked", "--bin", "seedbed"]);
+    let mut build = cargo_command(&["rustc", "--release", "--locked", "--bin", "seedbed", "--"]);
+    build.args(linker_flags());
     run_command(build.env("CARGO_ENCODED_RUSTFLAGS", flags_without_paths()))?;
     let target = target_folder();
     let program = target.join("release/seedbed");
@@ -220,6 +221,20 @@ fn host() -> Result<String, String> {
     let host = version.lines().find_map(|line| line.strip_prefix("host: "));
     host.map(str::to_owned)
         .ok_or_else(|| "rustc -vV has no line `host:`".to_owned())
+}
+
+/// Functions with the same machine code are stored once, which makes the program 5 % smaller. Rust never promises that
+/// two functions have different addresses. Only where the linker that comes with Rust is the default.
+fn linker_flags() -> &'static [&'static str] {
+    if cfg!(all(
+        target_arch = "x86_64",
+        target_os = "linux",
+        target_env = "gnu"
+    )) {
+        &["-C", "link-arg=-Wl,--icf=all"]
+    } else {
+        &[]
+    }
 }
 
 fn target_folder() -> PathBuf {

@@ -11,6 +11,8 @@
 //! assert!(lower_bound(&test, 0.025, 0.0) > 0.0);
 //! ```
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -291,32 +293,12 @@ impl MeanOfDifferences {
     pub fn new(differences: &[f64]) -> Self {
         let n = differences.len();
         assert!(n > 0, "no differences");
-        let is_exact = n < 64 && 1_usize << n <= RANDOM_PERMUTATIONS;
-        let mut random = permutation_stream();
-        let count = if is_exact {
-            1 << n
-        } else {
-            RANDOM_PERMUTATIONS
-        };
-        let signed_sums = |number: usize| {
-            let mut sums = [0.0; 2];
-            for (i, difference) in differences.iter().enumerate() {
-                let is_kept = if is_exact {
-                    number >> i & 1 == 0
-                } else {
-                    random.random()
-                };
-                let sign = if is_kept { 1.0 } else { -1.0 };
-                sums[0] += sign * difference;
-                sums[1] += sign;
-            }
-            sums
-        };
+        let vectors = SignVectors::of(n);
         Self {
-            sums: (0..count).map(signed_sums).collect(),
+            sums: vectors.signed_sums(differences),
             data: [differences.iter().sum(), n as f64],
             range: range(differences),
-            is_exact,
+            is_exact: vectors.is_exact,
         }
     }
 
@@ -326,6 +308,84 @@ impl MeanOfDifferences {
             statistic(&self.data) - TOLERANCE * self.data[1] * (self.range + effect.abs());
         share_of_extreme(self.sums.iter().map(statistic), threshold, self.is_exact)
     }
+}
+
+/// Vectors of n signs: all if there are at most [`RANDOM_PERMUTATIONS`], otherwise as many random ones, always the
+/// same.
+#[derive(Debug)]
+struct SignVectors {
+    n: usize,
+    /// A bit of 1 is a minus; the bits after the n-th are 0.   `[vectors × ⌈n / 8⌉]`
+    bytes: Vec<u8>,
+    is_exact: bool,
+}
+
+/// The vectors that were used last: the tests of a study have as many runs, and drawing takes longer than all else.
+static LAST_SIGN_VECTORS: Mutex<Option<Arc<SignVectors>>> = Mutex::new(None);
+
+impl SignVectors {
+    fn of(n: usize) -> Arc<Self> {
+        let last = || {
+            LAST_SIGN_VECTORS
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+        };
+        if let Some(vectors) = last().as_ref().filter(|vectors| vectors.n == n) {
+            return Arc::clone(vectors);
+        }
+        let vectors = Arc::new(Self::new(n));
+        *last() = Some(Arc::clone(&vectors));
+        vectors
+    }
+
+    fn new(n: usize) -> Self {
+        let is_exact = n < 64 && 1_usize << n <= RANDOM_PERMUTATIONS;
+        let count = if is_exact {
+            1 << n
+        } else {
+            RANDOM_PERMUTATIONS
+        };
+        let mut random = permutation_stream();
+        let mut bytes = vec![0; count * n.div_ceil(8)];
+        for (number, vector) in bytes.chunks_exact_mut(n.div_ceil(8)).enumerate() {
+            for i in 0..n {
+                let is_kept = if is_exact {
+                    number >> i & 1 == 0
+                } else {
+                    random.random()
+                };
+                vector[i / 8] |= u8::from(!is_kept) << (i % 8);
+            }
+        }
+        Self { n, bytes, is_exact }
+    }
+
+    /// For each vector, the sum of signed differences and the sum of signs.
+    fn signed_sums(&self, differences: &[f64]) -> Vec<[f64; 2]> {
+        let tables: Vec<[f64; 256]> = differences.chunks(8).map(sums_of_signs).collect();
+        let sums = |vector: &[u8]| {
+            let mut sum = 0.0;
+            let mut minuses = 0;
+            for (byte, table) in vector.iter().zip(&tables) {
+                sum += table[usize::from(*byte)];
+                minuses += byte.count_ones();
+            }
+            [sum, self.n as f64 - 2.0 * f64::from(minuses)]
+        };
+        let vectors = self.bytes.chunks_exact(tables.len());
+        vectors.map(sums).collect()
+    }
+}
+
+/// The sum of up to eight values for each byte of signs; a bit of 1 is a minus.
+fn sums_of_signs(values: &[f64]) -> [f64; 256] {
+    let mut sums = [0.0; 256];
+    for (byte, sum) in sums.iter_mut().enumerate().take(1 << values.len()) {
+        for (bit, value) in values.iter().enumerate() {
+            *sum += if byte >> bit & 1 == 0 { *value } else { -value };
+        }
+    }
+    sums
 }
 
 impl EffectTest for MeanOfDifferences {
@@ -478,6 +538,20 @@ mod tests {
         assert_eq!([test.p_above(0.0), test.p_below(0.0)], [1.0 / 32.0, 1.0]);
         // For δ = 3 the differences are −2 … 2: half of the vectors, and those with the sum 0.
         assert_eq!(test.p_above(3.0), test.p_below(3.0));
+    }
+
+    /// By the definition, for nine values (more than a byte of signs).
+    #[test]
+    fn sums_of_all_sign_vectors_are_those_of_the_definition() {
+        let differences = [0.5, -1.25, 3.0, 7.5, -0.125, 2.0, 11.0, -4.0, 0.25];
+        let sums = MeanOfDifferences::new(&differences).sums;
+        assert_eq!(sums.len(), 512);
+        for (number, sums) in sums.iter().enumerate() {
+            let sign = |i: usize| if number >> i & 1 == 0 { 1.0 } else { -1.0 };
+            let signed = differences.iter().enumerate().map(|(i, d)| sign(i) * d);
+            let signs: f64 = (0..9).map(sign).sum();
+            assert_eq!(*sums, [signed.sum(), signs]);
+        }
     }
 
     /// Of six discordant pairs one is negative. McNemar's exact test: P(at most 1 of 6) = 7 / 64.
