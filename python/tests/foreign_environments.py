@@ -97,6 +97,27 @@ class Remembers(Awkward):
         self.x += 0.01 * self.count
         return self.observe(), {}
 
+    def render(self):
+        return np.zeros((30, 40, 3), np.uint8)
+
+
+class Drawn(Awkward):
+    """Its pictures have the color of its state."""
+
+    metadata = {"render_modes": ["rgb_array"]}
+
+    def __init__(self, render_mode=None):
+        super().__init__()
+        self.render_mode = render_mode
+
+    def render(self):
+        red, blue = np.clip([128 + 25 * self.x, 128 + 60 * self.v], 0, 255)
+        return np.full((30, 40, 3), [red, 90, blue], np.uint8)
+
+
+def drawn(**options):
+    return gymnasium.wrappers.TimeLimit(Drawn(**options), 30)
+
 
 def awkward(**options):
     return Awkward(**options)
@@ -104,6 +125,10 @@ def awkward(**options):
 
 def faulty(**options):
     return Faulty(**options)
+
+
+def without_pictures():
+    return Awkward()
 
 
 def remembers():

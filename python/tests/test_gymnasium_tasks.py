@@ -16,6 +16,8 @@ from pathlib import Path
 
 import gymnasium
 import numpy as np
+import PIL.Image
+import PIL.ImageSequence
 import pytest
 from test_recording_program import program  # noqa: F401
 
@@ -340,3 +342,126 @@ def test_fields_of_shipped_tasks_are_what_python_says(lab: Path, program: str) -
 def without_versions(text: str) -> str:
     found = text[text.index("    found: ") :]
     return "".join(found[: found.index("versions: ")].split())
+
+
+class TestInfo:
+    """Entries of `info` that are recorded beside the observations."""
+
+    HALF_CHEETAH = 'Gymnasium(id: "HalfCheetah-v5", log_info: ["x_position", "reward_ctrl"], units: {"x_position": "m"}, time_limit: 20)'
+
+    def played_again(self, states: np.ndarray) -> list[dict[str, float]]:
+        """The infos of an episode with the same actions, from the same start state."""
+        environment = gymnasium.make("HalfCheetah-v5").unwrapped
+        environment.reset()
+        start = [states[f"obs_{i}"][0] for i in range(17)]
+        environment.set_state(np.array([0.0, *start[:8]]), np.array(start[8:]))
+        actions = np.stack([states[f"action_{i}"][:-1] for i in range(6)], axis=1)
+        return [environment.step(np.clip(action, -1, 1).astype(np.float32))[4] for action in actions]
+
+    def test_recorded_entries_are_those_of_gymnasium(self, lab: Path, program: str) -> None:
+        names = [f'"obs_{i}"' for i in range(17)]
+        task = self.HALF_CHEETAH.replace("log_info", f"names: [{', '.join(names)}], log_info")
+        call(program, "run", scenario(lab, task, stop="Episodes(2)"), "--out", "run")
+        call(program, "export", "run", "--to", "states.npz")
+        states = np.load("states.npz")
+        first = {name: states[name][(states["agent"] == 1) & (states["episode"] == 1)] for name in states.files}
+        assert len(first["x_position"]) == 21
+        assert np.isfinite(first["x_position"]).all() and np.isnan(first["reward_ctrl"][0])
+        control = [0.1 * np.sum(np.clip([first[f"action_{i}"][t] for i in range(6)], -1, 1) ** 2) for t in range(20)]
+        assert first["reward_ctrl"][1:] == pytest.approx(-np.array(control), rel=1e-5)
+        played = [info["x_position"] for info in self.played_again(first)]
+        moved = first["x_position"][1:] - first["x_position"][0]
+        assert moved == pytest.approx(played, abs=1e-3)
+        assert np.abs(moved).max() > 0.02
+
+    def test_entries_are_axes_and_conditions(self, lab: Path, program: str) -> None:
+        call(program, "run", scenario(lab, self.HALF_CHEETAH, stop="Episodes(3)"), "--out", "run")
+        call(program, "explore", "run", "--out", "page.html")
+        assert "x_position" in Path("page.html").read_text()
+        shown = call(program, "plot", "run", "--where", "x_position=-1..1", "--out", "plot.svg")
+        assert "x_position" in shown.stdout + Path("plot.svg").read_text()
+
+    def test_agents_do_not_see_them(self, lab: Path, program: str) -> None:
+        for out, task in [("with", self.HALF_CHEETAH), ("without", 'Gymnasium(id: "HalfCheetah-v5", time_limit: 20)')]:
+            call(program, "run", scenario(lab, task, stop="Episodes(3)"), "--out", out)
+        assert bits(lab / "with") == bits(lab / "without")
+
+    @pytest.mark.parametrize("schedule", ["Asynchronous(training: (env_steps: 5))", "Synchronous(episodes: 2)"])
+    def test_interrupted_runs_record_the_same_entries(self, lab: Path, program: str, schedule: str) -> None:
+        path = scenario(lab, self.HALF_CHEETAH, schedule=schedule)
+        call(program, "run", path, "--out", "whole")
+        call(program, "run", path, "--out", "part", "--abort-after-rounds", "2", status=-signal.SIGABRT)
+        call(program, "run", path, "--out", "part", "--resume")
+        for out in ("whole", "part"):
+            call(program, "export", out, "--to", f"{out}.npz")
+        whole, part = np.load("whole.npz"), np.load("part.npz")
+        for name in whole.files:
+            np.testing.assert_array_equal(whole[name], part[name])
+
+    @pytest.mark.parametrize(
+        ("changed", "expected"),
+        [
+            ('["spee"]', "info of a step has no `spee`, only: speed"),
+            ('["speed", "speed"]', "the name `speed` is given twice"),
+            ('["speed"], names: ["a", "b", "c", "d", "speed"]', "the name `speed` is given twice"),
+        ],
+    )
+    def test_wrong_names_are_located(self, lab: Path, program: str, changed: str, expected: str) -> None:
+        path = scenario(lab, f'Gymnasium(id: "foreign.py:awkward", time_limit: 9, log_info: {changed})')
+        error = call(program, "check", path, status=2).stderr
+        assert expected in error and "mine.ron:2:" in error and "log_info" in error
+
+
+def colors_in_film(path: Path, place: tuple[float, float] = (0.25, 0.35)) -> np.ndarray:
+    """The color of each frame at a place, as a share of its width and height: by default in the middle of the picture."""
+    with PIL.Image.open(path) as film:
+        frames = [frame.convert("RGB") for frame in PIL.ImageSequence.Iterator(film)]
+    return np.array([frame.getpixel((int(place[0] * frame.width), int(place[1] * frame.height))) for frame in frames], float)
+
+
+class TestFilms:
+    """Films of environments that draw pictures of themselves."""
+
+    @pytest.mark.parametrize(
+        "fields",
+        [
+            {},
+            {"schedule": "Synchronous(episodes: 2)", "stop": "Episodes(6)"},
+            {"schedule": "Asynchronous(training: (env_steps: 5))"},
+        ],
+    )
+    def test_recorded_episodes_are_played_again(self, lab: Path, program: str, fields: dict[str, str]) -> None:
+        call(program, "run", scenario(lab, 'Gymnasium(id: "foreign.py:drawn")', **fields), "--out", "run")
+        made = call(program, "film", "run", "--agent", "1", "--seconds", "1", "--fps", "10", "--out", "run.gif")
+        assert made.stderr == ""
+        call(program, "export", "run", "--to", "states.npz")
+        states = np.load("states.npz")
+        x, v = (states[name][states["agent"] == 1] for name in ("place_0", "place_1"))
+        # The color of a picture is that of its state: see `Drawn`.
+        expected = np.stack([128 + 25 * x, np.full_like(x, 90), 128 + 60 * v], axis=1).clip(0, 255)
+        shown = colors_in_film(Path("run.gif"))
+        assert len(shown) == 10 and len(np.unique(shown, axis=0)) > 3
+        for color in shown:  # a film has 256 colors
+            assert np.abs(expected - color).max(axis=1).min() < 20
+
+    def test_previews_are_filmed(self, lab: Path, program: str) -> None:
+        (lab / "pole.ron").write_text('Gymnasium(id: "CartPole-v1")\n')
+        made = call(program, "preview", "pole.ron", "--film", "--out", "preview.rrd")
+        assert "warning" not in made.stderr
+        # The track is white, the cart black.
+        colors = {tuple(color) for color in colors_in_film(Path("preview.gif"), (0.25, 0.3))}
+        assert colors == {(255, 255, 255)}
+
+    @pytest.mark.parametrize(
+        ("function", "reason"),
+        [
+            ("without_pictures", "render(): NotImplementedError"),
+            ("awkward", "unexpected keyword argument 'render_mode'"),
+            ("remembers", "are others than the recorded ones"),
+        ],
+    )
+    def test_films_without_pictures_say_why(self, lab: Path, program: str, function: str, reason: str) -> None:
+        call(program, "run", scenario(lab, f'Gymnasium(id: "foreign.py:{function}", time_limit: 9)'), "--out", "run")
+        made = call(program, "film", "run", "--seconds", "0.5", "--scenes", "2")
+        assert "the film shows no pictures of the environment" in made.stderr and reason in made.stderr
+        assert Path("run/film.gif").is_file()

@@ -600,7 +600,7 @@ def test_log_info(tasks: Path):
         with Worker() as worker:
             worker.configure(f"{tasks}:informing", log_info=[name])
             found = worker.failed_step()
-            assert (found["kind"], found["copy"]) == ("shape", 0) and word in found["message"]
+            assert (found["kind"], found["copy"]) == ("info", 0) and word in found["message"]
 
 
 def test_ids(tasks: Path):

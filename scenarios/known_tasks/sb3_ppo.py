@@ -3,6 +3,7 @@
 
     sb3_ppo.py gym_hopper dm_walker_walk --seeds 1000 1001 1002       a run of each task with each seed
     sb3_ppo.py --jobs 2                                               all tasks
+    sb3_ppo.py half_cheetah hopper walker2d --out recordings/sb3_originals      in Gymnasium's originals: ../gymnasium
     seedbed study recordings/sb3/stable_baselines3.ron                tables and figures of all finished runs
 
 Settings are those of the task's scenario in this folder: steps, steps per update, step size and its fall, discount factor, lambda and initial
@@ -26,7 +27,7 @@ from pathlib import Path
 
 COPIES = 8
 
-FOLDER = Path(__file__).parent
+FOLDERS = [Path(__file__).parent, Path(__file__).parent.parent / "gymnasium"]
 
 
 def train(task: str, seed: int, shorter: int, out: Path) -> str:
@@ -46,12 +47,13 @@ def train(task: str, seed: int, shorter: int, out: Path) -> str:
         return f"{task} {seed}: there already"
     unfinished.parent.mkdir(parents=True, exist_ok=True)
 
+    settings = Settings.of(task)
+
     def copy() -> gymnasium.Env:
-        environment = seedbed.make(task)
+        environment = gymnasium.make(settings.original) if settings.original else seedbed.make(task)
         box = isinstance(environment.action_space, gymnasium.spaces.Box)
         return gymnasium.wrappers.RescaleAction(environment, -1.0, 1.0) if box else environment
 
-    settings = Settings.of(task)
     copies = DummyVecEnv([copy] * COPIES)
     copies.seed(seed)
     environments = VecNormalize(VecMonitor(copies, str(unfinished)), gamma=settings.discount)
@@ -76,8 +78,10 @@ def train(task: str, seed: int, shorter: int, out: Path) -> str:
 
 @dataclasses.dataclass
 class Settings:
-    """What differs between the scenarios of this folder."""
+    """What differs between the scenarios."""
 
+    original: str | None
+    """Id of an environment of Gymnasium."""
     steps: int
     """Environment steps of a run, in all copies."""
     rollout: int
@@ -90,21 +94,25 @@ class Settings:
     @staticmethod
     def of(task: str) -> Settings:
         """The settings of the scenario TASK.ron."""
+        import gymnasium
+
         import seedbed
 
-        scenario = (FOLDER / f"{task}.ron").read_text()
+        scenario = next(file for folder in FOLDERS if (file := folder / f"{task}.ron").is_file()).read_text()
+        original = re.search(r'environment: "(\w+-v\d+)"', scenario)
 
         def number(before: str, otherwise: float | None = None) -> float:
             found = re.search(re.escape(before) + r"\s*([0-9.]+)", scenario)
             return float(found[1]) if found else float(otherwise)
 
         if episodes := number("stop: Episodes(", 0):
-            length = seedbed.Task(task).time_limit
+            length = gymnasium.spec(original[1]).max_episode_steps if original else seedbed.Task(task).time_limit
             steps, update = episodes * length, number("episodes:") * length
         else:
             steps = number("stop: Steps(team:")
             update = steps / number("step_size_schedule: Linear(rounds:")
         return Settings(
+            original=original[1] if original else None,
             steps=int(steps),
             rollout=8 * round(update / COPIES / 8),  # whole minibatches of 64 steps
             step_size=number("policy_optimizer: (step_size:"),
@@ -116,13 +124,14 @@ class Settings:
 
 def tasks() -> list[str]:
     """All tasks that have a scenario in this folder."""
-    return sorted(path.stem for path in FOLDER.glob("*.ron") if path.stem.startswith(("dm_", "gym_")))
+    return sorted(path.stem for path in FOLDERS[0].glob("*.ron") if path.stem.startswith(("dm_", "gym_")))
 
 
 def write_study(out: Path) -> Path:
     """Writes a study of all tasks with finished runs, with the measure of the study `learning`."""
     cell = '        (name: "{0}", task: "{0}", results: Monitor("{0}/*.monitor.csv")),\n'
-    finished = [task for task in tasks() if any((out / task).glob("*.monitor.csv"))]
+    folders = sorted(folder for folder in out.iterdir() if folder.is_dir())
+    finished = [folder.name for folder in folders if any(folder.glob("*.monitor.csv"))]
     file = out / "stable_baselines3.ron"
     file.write_text(f"""// The episodes that `scenarios/known_tasks/sb3_ppo.py` has written.
 Study(

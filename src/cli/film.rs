@@ -18,7 +18,8 @@ use seedbed::storage::files::{self, Replacement};
   seedbed film recordings/cartpole/seed-0 --agent 2 --seconds 20 --out agent2.gif
 
 On the left, the bodies of one agent in episodes whose motion was recorded (`recording: (scene: …)` in the scenario; every \
-tenth by default): the last seconds of each, in real time. On the right, the states that all agents have visited so far; below, their returns. To film the \
+tenth by default): the last seconds of each, in real time. In an environment of Gymnasium, recorded episodes are played again \
+with its own pictures. On the right, the states that all agents have visited so far; below, their returns. To film the \
 trained policies only, use `seedbed replay` and Rerun's viewer.")]
 pub(super) struct FilmArgs {
     /// Run directory
@@ -65,13 +66,7 @@ pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
     let counter = ReadCounter::new("episodes read");
     let film = Film::of_run(&run, settings, &mut || counter.count())?;
     drop(counter);
-    if !film.has_bodies() && run.state_files().is_none() {
-        note!(
-            "warning: no motion of agent {0} is recorded, so that the film shows no bodies; record it with `--set \
-             'recording.scene=(agents: [{0}])'`",
-            args.agent
-        );
-    }
+    warn(&film);
     write(&film, settings, &out)?;
     say!(
         "wrote {}: {}",
@@ -79,6 +74,13 @@ pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
         pluralize(film.frame_count(), "frame")
     );
     Ok(())
+}
+
+/// Says why a film shows no motion.
+pub(super) fn warn(film: &Film) {
+    if let Some(warning) = film.warning() {
+        note!("warning: {warning}");
+    }
 }
 
 /// Draws frames on all cores, and writes them in their order.

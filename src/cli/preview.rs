@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use super::run::recorder_factory_at;
 use super::{CliError, PreviewArgs, film, former_names, pluralize};
-use seedbed::film::{Film, FilmSettings, Filmed};
+use seedbed::film::{Film, FilmSettings, Filmed, FilmedTask, SeedsOfEpisodes};
 use seedbed::input_files::{self, Directory};
 use seedbed::record::RecordedStates;
 use seedbed::review::LoadRunError;
 use seedbed::run::facts::EpisodeRow;
 use seedbed::run::preview;
 use seedbed::storage::incomplete::Incomplete;
-use seedbed_env::{Physics, TaskDescription};
+use seedbed_env::Physics;
 use seedbed_input::numbers::Count;
 
 pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
@@ -60,7 +60,15 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
     );
     let film = path.with_extension("gif");
     if args.film {
-        write_film(&description, physics, &rows, &path, &film)?;
+        let task = FilmedTask {
+            description: &description,
+            physics,
+            seeds: SeedsOfEpisodes {
+                run_seed: args.seed,
+                episodes_per_round: 1,
+            },
+        };
+        write_film(task, &rows, &path, &film)?;
         say!("film       {}", film.display());
     } else if film.exists() {
         note!(
@@ -76,13 +84,12 @@ const MAX_SECONDS: f64 = 24.0;
 
 /// Films all episodes in real time, or the ends of long ones.
 fn write_film(
-    description: &TaskDescription,
-    physics: Physics,
+    task: FilmedTask<'_>,
     rows: &[EpisodeRow],
     recording: &Path,
     out: &Path,
 ) -> Result<(), CliError> {
-    let spec = description.spec();
+    let spec = task.description.spec();
     let max_length = rows.iter().map(|row| row.length).max().unwrap_or(0);
     let duration = f64::from(max_length) * spec.control_step * rows.len() as f64;
     let settings = FilmSettings {
@@ -96,11 +103,12 @@ fn write_film(
     let filmed = Filmed {
         title: format!("{}, random actions", spec.name),
         recording: &recording,
-        task: Some((description, physics)),
+        task: Some(task),
         agent_count: 1,
         episodes: rows,
     };
     let film = Film::new(filmed, settings, &mut || ())?;
+    film::warn(&film);
     film::write(&film, settings, out)
 }
 

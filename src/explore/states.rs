@@ -154,7 +154,7 @@ fn empty_columns(recording: &RecordedStates, has_advantages: bool) -> Vec<StateC
         values: Vec::new(),
         nan: 0,
     };
-    let of_task = StateQuantity::of_task(recording.observations(), recording.actions());
+    let of_task = recording.quantities_of_task();
     let mut columns: Vec<StateColumn> = of_task
         .map(|(source, quantity)| column(source, quantity.clone()))
         .collect();

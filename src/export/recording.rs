@@ -48,7 +48,7 @@ pub(super) fn write(
             episode_rows: &rows.episodes,
             round_rows: &rows.updates,
             step_data: &[],
-            body_trajectories: &[],
+            details: &[],
         })?;
         for episode in episodes {
             states += episode.length() as u64 + 1;

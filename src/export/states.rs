@@ -136,7 +136,7 @@ impl Batch {
         let reserved = [StateQuantity::Reward, StateQuantity::IntrinsicReward];
         used.extend(reserved.map(|quantity| quantity.key().to_owned()));
         used.push(OUTCOME.to_owned());
-        let of_task = StateQuantity::of_task(recording.observations(), recording.actions());
+        let of_task = recording.quantities_of_task();
         let of_task = of_task.map(|(source, quantity)| {
             let name = unused(&quantity.name, source.key(), &mut used);
             QuantityColumn::new(source, name, quantity.unit.clone())

@@ -1,27 +1,34 @@
-//! Films of runs: the bodies of one agent, the states that all agents have visited so far, and their
+//! Films of runs: the motion of one agent, the states that all agents have visited so far, and their
 //! returns, from the first episode to the last.
 //!
-//! [`Film::new`] chooses the scenes, [`Film::frame`] arranges one picture, [`gif`] encodes pictures.
+//! Motion is either recorded bodies or, in environments of Gymnasium, pictures that the environment
+//! draws while recorded episodes are played again ([`pictures`]). [`Film::new`] chooses the episodes,
+//! [`Film::frame`] arranges one frame, [`gif`] encodes frames.
 
+mod bodies;
 pub mod gif;
+mod pictures;
+mod timeline;
 
 use std::path::PathBuf;
 
+use self::bodies::Bodies;
+use self::pictures::Pictures;
+use self::timeline::Timeline;
 use crate::plotting;
 use crate::record::visitation::Unplaced;
-use crate::record::{ReadError, RecordedScene, RecordedStates};
+use crate::record::{ReadError, RecordedStates};
 use crate::review::selection::{EpisodeSelection, SelectedState, SelectedStates, StateSelection};
 use crate::review::{LoadRunError, LoadedRun};
 use crate::run::Plan;
 use crate::run::facts::EpisodeRow;
 use crate::run::facts::returns::team_returns;
-use seedbed_env::{Physics, Scene, TaskDescription};
+use seedbed_env::{Physics, TaskDescription, TaskSpec};
 use seedbed_figure::color::{TEAM_COLOR, agent_color};
 use seedbed_figure::{
-    Axis, Curves, Drawing, Figure, Panel, ParallelCoordinates, Row, Series, StateLine, States,
+    Axis, Curves, Figure, Panel, ParallelCoordinates, Row, Series, StateLine, States,
 };
 use seedbed_input::InputError;
-use seedbed_scene::{camera, drawing};
 
 /// What is filmed: a recording and the task in which it was made.
 #[derive(Debug)]
@@ -30,19 +37,39 @@ pub struct Filmed<'a> {
     pub title: String,
     /// The visited states.
     pub recording: &'a RecordedStates,
-    /// The task, whose bodies are drawn, and its simulation. `None` if another program recorded the
-    /// run; then there are no bodies.
-    pub task: Option<(&'a TaskDescription, Physics)>,
+    /// The task, whose motion is shown. `None` if another program recorded the run; then there is no
+    /// motion.
+    pub task: Option<FilmedTask<'a>>,
     /// Number of agents K.
     pub agent_count: usize,
     /// One row per episode, in (round, agent) order.
     pub episodes: &'a [EpisodeRow],
 }
 
+/// The task of a run.
+#[derive(Clone, Copy, Debug)]
+pub struct FilmedTask<'a> {
+    /// The task.
+    pub description: &'a TaskDescription,
+    /// Its simulation.
+    pub physics: Physics,
+    /// What the start states of episodes follow from.
+    pub seeds: SeedsOfEpisodes,
+}
+
+/// What the start states of episodes follow from, together with agent, round and episode.
+#[derive(Clone, Copy, Debug)]
+pub struct SeedsOfEpisodes {
+    /// Seed of the run.
+    pub run_seed: u64,
+    /// Number of episodes of each agent in a round.
+    pub episodes_per_round: u32,
+}
+
 /// How it is filmed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilmSettings {
-    /// Agent whose bodies are drawn.
+    /// Agent whose motion is shown.
     pub agent: u32,
     /// Duration, s.
     pub seconds: f64,
@@ -50,7 +77,7 @@ pub struct FilmSettings {
     pub frames_per_second: u32,
     /// Width of a frame in pixels.
     pub width: u32,
-    /// Maximum number of episodes whose bodies are shown, one after the other.
+    /// Maximum number of episodes whose motion is shown, one after the other.
     pub scenes: usize,
 }
 
@@ -89,7 +116,7 @@ impl From<ReadError> for FilmError {
 pub struct Film {
     settings: FilmSettings,
     title: String,
-    bodies: Option<Bodies>,
+    motion: Motion,
     axes: Vec<Axis>,
     /// A sample of visited states of all agents, in the order of episodes.
     states: Vec<(u32, SelectedState)>,
@@ -98,14 +125,13 @@ pub struct Film {
     team_returns: Vec<f64>,
 }
 
-/// The episodes in which bodies are drawn.
+/// What is shown of one agent's motion.
 #[derive(Debug)]
-struct Bodies {
-    scene: Scene,
-    episodes: Vec<RecordedScene>,
-    bounds: [f32; 4],
-    /// Number of environment steps per frame: bodies move in real time.
-    steps_per_frame: f64,
+enum Motion {
+    /// Nothing, and why.
+    None(Option<String>),
+    Bodies(Timeline, Bodies),
+    Pictures(Timeline, Pictures),
 }
 
 /// Number of states that are drawn at the end of the film.
@@ -143,17 +169,22 @@ impl Film {
         let filmed = Filmed {
             title: run.name(),
             recording,
-            task: plan
-                .as_ref()
-                .map(|plan| (&plan.description, plan.scenario.physics)),
+            task: plan.as_ref().map(|plan| FilmedTask {
+                description: &plan.description,
+                physics: plan.scenario.physics,
+                seeds: SeedsOfEpisodes {
+                    run_seed: plan.scenario.seed,
+                    episodes_per_round: plan.scenario.schedule.episodes_per_round(),
+                },
+            }),
             agent_count,
             episodes: &run.episodes,
         };
         Self::new(filmed, settings, on_episode)
     }
 
-    /// A film. Without recorded bodies, it shows states and returns only. Calls `on_episode` for each
-    /// episode that is read.
+    /// A film. Without motion, it shows states and returns only. Calls `on_episode` for each episode that
+    /// is read.
     ///
     /// # Errors
     /// The recording cannot be read, or the task cannot be built.
@@ -179,7 +210,7 @@ impl Film {
         };
         Ok(Self {
             settings,
-            bodies: Bodies::read(&filmed, settings)?,
+            motion: Motion::of(&filmed, settings)?,
             axes: axes_of_film(&selection, &selected),
             states: in_order_of_episodes(selected),
             returns: (0..agent_count as u32).map(returns).collect(),
@@ -188,17 +219,19 @@ impl Film {
         })
     }
 
-    /// Whether the film shows bodies.
+    /// Why the film shows no motion, if it shows none and somebody can do something about it.
     #[must_use]
-    pub fn has_bodies(&self) -> bool {
-        self.bodies.is_some()
+    pub fn warning(&self) -> Option<&str> {
+        match &self.motion {
+            Motion::None(reason) => reason.as_deref(),
+            Motion::Bodies(..) | Motion::Pictures(..) => None,
+        }
     }
 
     /// Number of frames.
     #[must_use]
     pub fn frame_count(&self) -> usize {
-        let settings = self.settings;
-        (settings.seconds * f64::from(settings.frames_per_second)).round() as usize
+        self.settings.frame_count()
     }
 
     /// Frame `number`, which is below [`frame_count`](Self::frame_count).
@@ -206,13 +239,7 @@ impl Film {
     pub fn frame(&self, number: usize) -> Figure {
         let episode = self.episode_at(number);
         let mut panels = Vec::new();
-        if let Some(bodies) = &self.bodies {
-            panels.push(Panel::Drawing(bodies.drawing(
-                self.settings,
-                number,
-                self.frame_count(),
-            )));
-        }
+        panels.extend(self.motion.panel(number, self.settings.agent));
         panels.push(Panel::ParallelCoordinates(self.visited_states(episode)));
         Figure {
             title: self.title.clone(),
@@ -234,19 +261,14 @@ impl Film {
     }
 
     /// The newest episode of which a frame shows states and returns. It grows evenly between the
-    /// episodes whose bodies are shown.
+    /// episodes whose motion is shown.
     fn episode_at(&self, frame: usize) -> u32 {
         let last = self.returns.iter().map(Vec::len).max().unwrap_or(0).max(1) - 1;
+        if let Some(timeline) = self.motion.timeline() {
+            return timeline.episode_at(frame, last as u32);
+        }
         let position = (frame + 1) as f64 / self.frame_count().max(1) as f64;
-        let Some(bodies) = &self.bodies else {
-            return (position * last as f64) as u32;
-        };
-        let shown = bodies.shown_at(frame, self.frame_count());
-        let start = bodies.episodes[shown].episode;
-        let next = bodies.episodes.get(shown + 1);
-        let end = next.map_or(last as u32, |scene| scene.episode);
-        let within = position * bodies.episodes.len() as f64 - shown as f64;
-        start + (within.clamp(0.0, 1.0) * f64::from(end.saturating_sub(start))) as u32
+        (position * last as f64) as u32
     }
 
     fn visited_states(&self, episode: u32) -> ParallelCoordinates {
@@ -337,59 +359,67 @@ fn in_order_of_episodes(selected: Vec<SelectedStates>) -> Vec<(u32, SelectedStat
     states
 }
 
-impl Bodies {
-    /// `None` if the task has no bodies, or none were recorded.
-    fn read(filmed: &Filmed<'_>, settings: FilmSettings) -> Result<Option<Self>, FilmError> {
-        let Some((description, physics)) = filmed.task else {
-            return Ok(None);
-        };
-        let environment = seedbed_env::build(description, physics, 1)?;
-        let Some(scene) = environment.scene() else {
-            return Ok(None);
-        };
-        let recorded = filmed.recording.scenes(settings.agent, scene)?;
-        let episodes = evenly_spaced(recorded, settings.scenes);
-        let motions = episodes.iter().map(RecordedScene::motion);
-        let Some(bounds) = camera::bounds_of_episodes(scene, motions) else {
-            return Ok(None);
-        };
-        let frame_time = 1.0 / f64::from(settings.frames_per_second);
-        let control_step = description.spec().control_step;
-        Ok(Some(Self {
-            scene: scene.clone(),
-            episodes,
-            bounds,
-            steps_per_frame: frame_time / control_step,
-        }))
+impl FilmSettings {
+    /// Number of environment steps per frame: motion is in real time.
+    fn steps_per_frame(self, spec: &TaskSpec) -> f64 {
+        1.0 / (f64::from(self.frames_per_second) * spec.control_step)
     }
 
-    /// Index of the episode that a frame shows. All episodes are shown for the same time.
-    fn shown_at(&self, frame: usize, frames: usize) -> usize {
-        (frame * self.episodes.len() / frames.max(1)).min(self.episodes.len() - 1)
+    fn frame_count(self) -> usize {
+        (self.seconds * f64::from(self.frames_per_second)).round() as usize
     }
+}
 
-    fn drawing(&self, settings: FilmSettings, frame: usize, frames: usize) -> Drawing {
-        let shown = self.shown_at(frame, frames);
-        let first_frame = |number: usize| (number * frames).div_ceil(self.episodes.len());
-        let steps = |frames: usize| (frames as f64 * self.steps_per_frame) as usize;
-        let episode = &self.episodes[shown];
-        let states = episode.poses.chunks_exact(self.scene.bodies.len());
-        // The last seconds of a longer episode: they show how it ends.
-        let last = states.len() - 1;
-        let start = last.saturating_sub(steps(first_frame(shown + 1) - first_frame(shown)));
-        let state = (start + steps(frame - first_frame(shown))).min(last);
-        let poses = states
-            .clone()
-            .nth(state)
-            .expect("the state is in the episode");
-        Drawing {
-            title: format!(
-                "agent {}, recorded episode {}",
-                settings.agent, episode.episode
-            ),
-            shapes: drawing::shapes(&self.scene, poses, &episode.terrain, settings.agent),
-            bounds: self.bounds,
+impl Motion {
+    fn of(filmed: &Filmed<'_>, settings: FilmSettings) -> Result<Self, FilmError> {
+        let Some(task) = filmed.task else {
+            return Ok(Self::None(None));
+        };
+        match task.description {
+            TaskDescription::Bodies(_) => Self::of_bodies(filmed.recording, task, settings),
+            TaskDescription::Tabular(_) => Ok(Self::None(None)),
+            TaskDescription::Gymnasium(environment) => {
+                let played =
+                    pictures::play_again(filmed.recording, environment, task.seeds, settings)?;
+                Ok(match played {
+                    Ok((timeline, pictures)) => Self::Pictures(timeline, pictures),
+                    Err(reason) => Self::None(Some(reason)),
+                })
+            }
         }
+    }
+
+    fn of_bodies(
+        recording: &RecordedStates,
+        task: FilmedTask<'_>,
+        settings: FilmSettings,
+    ) -> Result<Self, FilmError> {
+        Ok(match Bodies::read(recording, task, settings)? {
+            Some((timeline, bodies)) => Self::Bodies(timeline, bodies),
+            None => Self::None(Some(format!(
+                "no motion of agent {0} is recorded, so that the film shows no bodies; record it with `--set \
+                 'recording.scene=(agents: [{0}])'`",
+                settings.agent
+            ))),
+        })
+    }
+
+    fn timeline(&self) -> Option<&Timeline> {
+        match self {
+            Self::None(_) => None,
+            Self::Bodies(timeline, _) | Self::Pictures(timeline, _) => Some(timeline),
+        }
+    }
+
+    /// What a frame shows of the motion.
+    fn panel(&self, frame: usize, agent: u32) -> Option<Panel> {
+        let shown = self.timeline()?.shown_at(frame);
+        let title = format!("agent {agent}, recorded episode {}", shown.episode);
+        Some(match self {
+            Self::None(_) => return None,
+            Self::Bodies(_, bodies) => Panel::Drawing(bodies.drawing(shown, title, agent)),
+            Self::Pictures(_, pictures) => Panel::Picture(pictures.picture(shown, title)),
+        })
     }
 }
 

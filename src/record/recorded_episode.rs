@@ -20,6 +20,8 @@ pub struct RecordedEpisode {
     pub observations: Vec<f32>,
     /// Actions. Discrete actions are stored as values, not as indices: `[T × action width]`
     pub actions: Vec<f32>,
+    /// Entries of `info` in each state: `[(T+1) × info width]`
+    pub info: Vec<f32>,
     /// Rewards of the environment: `[T]`
     pub rewards: Vec<f32>,
     /// Bonuses: `[T]`; empty for agents without a bonus.
@@ -91,7 +93,7 @@ impl RecordedEpisode {
     /// Number of all numbers, which determines the memory that the episode takes.
     #[must_use]
     pub fn numbers(&self) -> usize {
-        let others = self.intrinsic_rewards.len() + self.advantages.len();
+        let others = self.intrinsic_rewards.len() + self.advantages.len() + self.info.len();
         self.observations.len() + self.actions.len() + self.rewards.len() + others
     }
 
@@ -114,6 +116,10 @@ impl RecordedEpisode {
             StateQuantity::Action(index) => {
                 let width = self.actions.len() / length.max(1);
                 self.actions.get(step * width + index)
+            }
+            StateQuantity::Info(index) => {
+                let width = self.info.len() / (length + 1);
+                self.info.get(step * width + index)
             }
             StateQuantity::Reward => self.rewards.get(step),
             StateQuantity::IntrinsicReward => self.intrinsic_rewards.get(step),

@@ -9,6 +9,7 @@ use super::recording::Recording;
 use super::state_files::StateFiles;
 use super::visitation::Axes;
 use super::{ReadError, RecordedEpisode, RecordedScene};
+use crate::run::facts::StateQuantity;
 use crate::run::folder::is_state_file;
 use crate::run::recorder::BonusRange;
 
@@ -67,6 +68,20 @@ impl RecordedStates {
             Self::Recording(recording) => recording.actions(),
             Self::StateFiles(files) => files.actions(),
         }
+    }
+
+    /// What is recorded beside the observations, in order. It has no ranges.
+    #[must_use]
+    pub fn info(&self) -> &[Quantity] {
+        match self {
+            Self::Recording(recording) => recording.info(),
+            Self::StateFiles(_) => &[],
+        }
+    }
+
+    /// The quantities of the task by name: observations, actions, entries of `info`.
+    pub fn quantities_of_task(&self) -> impl Iterator<Item = (StateQuantity, &Quantity)> {
+        StateQuantity::of_task(self.observations(), self.actions(), self.info())
     }
 
     /// Number of steps after which episodes are truncated or, if it is not known, length of the

@@ -55,7 +55,7 @@ impl Condition {
 
 /// All quantities of a recording by name. A name of an observation comes before that of an action.
 fn quantities(recording: &RecordedStates) -> Vec<(String, StateQuantity)> {
-    let of_task = StateQuantity::of_task(recording.observations(), recording.actions());
+    let of_task = recording.quantities_of_task();
     let of_task = of_task.map(|(quantity, named)| (named.name.clone(), quantity));
     of_task.chain(of_all_tasks()).collect()
 }
@@ -81,7 +81,7 @@ mod tests {
     use super::*;
     use seedbed_env::Status;
 
-    /// Two steps with two observations and one action.
+    /// Two steps with two observations, one action and two entries of `info`.
     fn episode() -> RecordedEpisode {
         RecordedEpisode {
             agent: 0,
@@ -89,6 +89,7 @@ mod tests {
             round: 3,
             observations: vec![0.0, 10.0, 1.0, 11.0, 2.0, 12.0],
             actions: vec![-1.0, 1.0],
+            info: vec![f32::NAN, 5.0, 0.1, 6.0, 0.2, 7.0],
             rewards: vec![1.0, 0.5],
             intrinsic_rewards: Vec::new(),
             advantages: Vec::new(),
@@ -110,6 +111,8 @@ mod tests {
             steps_that_meet(StateQuantity::Observation(1), 10.5..=12.0),
             [1, 2]
         );
+        assert_eq!(steps_that_meet(StateQuantity::Info(0), 0.0..=9.0), [1, 2]);
+        assert_eq!(steps_that_meet(StateQuantity::Info(1), 5.0..=6.5), [0, 1]);
         assert_eq!(steps_that_meet(StateQuantity::Return, 1.5..=1.5), [0, 1, 2]);
         assert_eq!(
             steps_that_meet(StateQuantity::Episode, 4.0..=9.0),

@@ -92,7 +92,7 @@ pub(super) fn play_episode(
     for episode in &mut played.episodes {
         (episode.episode, episode.round) = (number, number);
     }
-    for trajectory in &mut played.body_trajectories {
+    for trajectory in &mut played.details {
         trajectory.episode = number;
     }
     Ok(played)

@@ -2,7 +2,6 @@
 //! is refused before it starts.
 
 use super::plan::Plan;
-use crate::scenario::Schedule;
 
 /// Approximate number of bytes that the parts of a run need.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,10 +47,7 @@ impl Plan {
         let product = |factors: &[u64]| factors.iter().copied().fold(1, u64::saturating_mul);
         let most_steps = product(&[agents.into(), episodes, length]);
         let steps = most_steps.min(scenario.stop.max_env_steps().unwrap_or(u64::MAX));
-        let episodes_per_round = match scenario.schedule {
-            Schedule::Synchronous { episodes } => u64::from(episodes.get()),
-            Schedule::Asynchronous { .. } | Schedule::Lockstep { .. } => 1,
-        };
+        let episodes_per_round = u64::from(scenario.schedule.episodes_per_round());
         let numbers_per_step = (spec.observation_width() + 2 * spec.action_width() + 1) as u64;
         let bytes_per_step = numbers_per_step * size_of::<f32>() as u64;
         let in_round = product(&[u64::from(agents), length, episodes_per_round]);

@@ -60,7 +60,7 @@ pub fn replay(
             episode_rows: &episode_rows,
             round_rows: &[],
             step_data: &[],
-            body_trajectories: &played.body_trajectories,
+            details: &played.details,
         })?;
         rows.extend(episode_rows);
         on_finished(number + 1);

@@ -101,6 +101,17 @@ pub enum Schedule {
     },
 }
 
+impl Schedule {
+    /// Number of episodes that each agent plays in a round.
+    #[must_use]
+    pub fn episodes_per_round(self) -> u32 {
+        match self {
+            Self::Synchronous { episodes } => episodes.get(),
+            Self::Lockstep { .. } | Self::Asynchronous { .. } => 1,
+        }
+    }
+}
+
 /// Whose steps are counted between two updates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum StepsOf {

@@ -133,7 +133,7 @@ impl TabularRecorder {
             episode_rows: &rows,
             round_rows: &[],
             step_data: &[],
-            body_trajectories: &[],
+            details: &[],
         };
         self.recorder
             .as_mut()
@@ -239,5 +239,6 @@ pub fn task_spec(scenario: &TabularScenario, model: &Model) -> TaskSpec {
         control_step: 1.0,
         time_limit: model.horizon,
         reward_threshold: None,
+        info: Vec::new(),
     }
 }

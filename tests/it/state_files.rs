@@ -182,6 +182,7 @@ fn expected_episode(agent: u32, number: u32) -> RecordedEpisode {
         round: number,
         observations: steps.observations,
         actions: steps.actions,
+        info: Vec::new(),
         rewards: steps.rewards,
         intrinsic_rewards: Vec::new(),
         advantages: Vec::new(),

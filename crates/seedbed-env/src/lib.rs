@@ -201,6 +201,12 @@ pub trait Environment: Send {
     /// The current observation of each copy: `[M × observations]`, one row per copy.
     fn observations(&self) -> &[f32];
 
+    /// What is recorded beside the present observation of each copy: `[M × info]`, one row per copy. The
+    /// default has nothing.
+    fn info(&self) -> &[f32] {
+        &[]
+    }
+
     /// The reward of the latest step of each copy: `[M]`.
     fn rewards(&self) -> &[f32];
 
@@ -318,6 +324,8 @@ pub struct TaskSpec {
     pub time_limit: u32,
     /// Mean return at which the task counts as solved, if there is an agreed one.
     pub reward_threshold: Option<f32>,
+    /// What is recorded in each state beside the observation, in order. Agents do not see it.
+    pub info: Vec<Quantity>,
 }
 
 /// A named number with its unit, and the range over which it is displayed and its coverage is
@@ -466,6 +474,7 @@ impl TaskSpec {
             control_step: 0.1,
             time_limit: 1000,
             reward_threshold: None,
+            info: Vec::new(),
         }
     }
 

@@ -42,6 +42,7 @@
 //! | [`Scatter`], [`HeatMap`] | two dimensions, as points or as counts |
 //! | [`NumberGrid`] | numbers over two dimensions, as text on colors |
 //! | [`Drawing`] | shapes in a plane, drawn to scale |
+//! | [`Picture`] | a picture with its own proportions |
 //! | [`Intervals`] | a table of estimates with their intervals |
 //!
 //! This crate must not depend on the meaning of numbers, on files, or on training.
@@ -58,6 +59,7 @@ mod page;
 mod pair;
 mod panel_axes;
 mod parallel;
+mod picture;
 mod pixels;
 mod scale;
 mod svg;
@@ -71,6 +73,7 @@ pub use key::Key;
 pub use number_grid::{GridNumber, NumberGrid};
 pub use pair::{HeatMap, Scatter, ScatterPoint};
 pub use parallel::{DensityImage, DifferenceImage, ParallelCoordinates, StateLine, States};
+pub use picture::Picture;
 pub use pixels::{Pixels, PngError};
 
 /// One dimension of a panel: its name, its unit, and the range that is shown.
@@ -142,6 +145,8 @@ pub enum Panel {
     NumberGrid(NumberGrid),
     /// Shapes in a plane, drawn to scale.
     Drawing(Drawing),
+    /// A picture with its own proportions.
+    Picture(Picture),
     /// An empty space, so that the panels of several rows are aligned.
     Blank,
 }

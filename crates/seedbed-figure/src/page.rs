@@ -4,8 +4,8 @@ use super::font::{Weight, fit_text};
 use super::panel_axes::TITLE_HEIGHT;
 use super::svg::{Anchor, Rect, SvgWriter, TextStyle};
 use super::{
-    Curves, Drawing, Figure, HeatMap, Intervals, NumberGrid, Panel, ParallelCoordinates, Pixels,
-    PngError, Row, Scatter, pixels,
+    Curves, Drawing, Figure, HeatMap, Intervals, NumberGrid, Panel, ParallelCoordinates, Picture,
+    Pixels, PngError, Row, Scatter, pixels,
 };
 
 const HEADING_SIZE: f64 = 15.0;
@@ -148,6 +148,7 @@ impl Panel {
             Self::Intervals(rows) => rows.draw(area, svg),
             Self::NumberGrid(numbers) => numbers.draw(area, svg),
             Self::Drawing(shapes) => shapes.draw(area, svg),
+            Self::Picture(picture) => picture.draw(area, svg),
             Self::Blank => {}
         }
     }
@@ -160,7 +161,8 @@ impl Panel {
             | Self::HeatMap(HeatMap { title, .. })
             | Self::Intervals(Intervals { title, .. })
             | Self::NumberGrid(NumberGrid { title, .. })
-            | Self::Drawing(Drawing { title, .. }) => title,
+            | Self::Drawing(Drawing { title, .. })
+            | Self::Picture(Picture { title, .. }) => title,
             Self::Blank => "",
         }
     }

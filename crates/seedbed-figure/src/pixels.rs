@@ -44,6 +44,31 @@ pub struct Pixels {
 }
 
 impl Pixels {
+    /// The picture with about `height` rows, if it has more than one and a half times as many: each pixel is the mean of a
+    /// square.
+    #[must_use]
+    pub fn reduced_to(&self, height: u32) -> Self {
+        let side = (f64::from(self.height) / f64::from(height))
+            .round()
+            .max(1.0) as u32;
+        let (columns, rows) = (self.width / side, self.height / side);
+        let mean = |row: u32, column: u32, color: u32| {
+            let pixels =
+                (0..side * side).map(|i| (row * side + i / side, column * side + i % side));
+            let values = pixels
+                .map(|(y, x)| u32::from(self.rgb[(3 * (y * self.width + x) + color) as usize]));
+            (values.sum::<u32>() / (side * side)) as u8
+        };
+        let places = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
+        Self {
+            width: columns,
+            height: rows,
+            rgb: places
+                .flat_map(|(row, column)| [0, 1, 2].map(|color| mean(row, column, color)))
+                .collect(),
+        }
+    }
+
     pub(super) fn into_png(self, scale: f64) -> Result<Vec<u8>, PngError> {
         encode_png(&self.rgb, [self.width, self.height], scale)
             .map_err(|error| PngError::Drawing(error.to_string()))
@@ -123,4 +148,27 @@ pub(super) fn png_of_colors(colors: &[Color], width: usize) -> Vec<u8> {
         1.0,
     )
     .expect("pixels in memory can be encoded as PNG")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two squares of four pixels, and a third column that does not fill a square.
+    #[test]
+    fn reduced_pictures_have_means_of_squares() {
+        let gray = |values: &[u8]| values.iter().flat_map(|&value| [value, 0, 9]).collect();
+        let picture = Pixels {
+            width: 5,
+            height: 2,
+            rgb: gray(&[0, 4, 100, 100, 7, 8, 8, 100, 104, 7]),
+        };
+        let reduced = Pixels {
+            width: 2,
+            height: 1,
+            rgb: gray(&[5, 101]),
+        };
+        assert_eq!(picture.reduced_to(1), reduced);
+        assert_eq!(picture.reduced_to(2), picture);
+    }
 }

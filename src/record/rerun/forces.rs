@@ -18,7 +18,7 @@ use rerun::{
 
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
-use crate::run::facts::BodyTrajectory;
+use crate::run::facts::EpisodeDetails;
 use seedbed_env::{Force, ForceSource};
 use seedbed_scene::camera::{Bounds, extent};
 
@@ -73,7 +73,7 @@ impl ForceWriter {
 
     /// Adds the forces of an episode whose first row is at `first`. `view` has the bounds of the
     /// view of this episode.
-    pub(super) fn add(&mut self, trajectory: &BodyTrajectory, view: Option<Bounds>, first: Moment) {
+    pub(super) fn add(&mut self, trajectory: &EpisodeDetails, view: Option<Bounds>, first: Moment) {
         let view_size = view.map_or(1.0, extent);
         self.kinds
             .iter_mut()
@@ -92,7 +92,7 @@ impl ForceWriter {
 }
 
 impl ForceArrows {
-    fn add(&mut self, trajectory: &BodyTrajectory, view_size: f32, first: Moment) {
+    fn add(&mut self, trajectory: &EpisodeDetails, view_size: f32, first: Moment) {
         let source = self.source;
         let Some(meters_per_newton) = meters_per_newton(
             trajectory
@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn arrows_have_a_common_scale_and_start_at_the_points_of_action() {
         let mut writer = ForceWriter::new(&"scene".into());
-        let trajectory = BodyTrajectory {
+        let trajectory = EpisodeDetails {
             forces: vec![
                 force(10.0),
                 force(20.0),
@@ -215,7 +215,7 @@ mod tests {
                 },
             ],
             forces_per_row: vec![0, 1, 2],
-            ..BodyTrajectory::default()
+            ..EpisodeDetails::default()
         };
         writer.add(
             &trajectory,
@@ -247,10 +247,10 @@ mod tests {
     fn a_large_force_does_not_shrink_all_other_arrows() {
         let mut writer = ForceWriter::new(&"scene".into());
         let forces: Vec<Force> = [vec![force(1.0); 39], vec![force(1000.0)]].concat();
-        let trajectory = BodyTrajectory {
+        let trajectory = EpisodeDetails {
             forces,
             forces_per_row: vec![40],
-            ..BodyTrajectory::default()
+            ..EpisodeDetails::default()
         };
         writer.add(
             &trajectory,
@@ -274,9 +274,9 @@ mod tests {
     fn an_episode_without_forces_has_one_empty_row() {
         let mut writer = ForceWriter::new(&"scene".into());
         writer.add(
-            &BodyTrajectory {
+            &EpisodeDetails {
                 forces_per_row: vec![0; 9],
-                ..BodyTrajectory::default()
+                ..EpisodeDetails::default()
             },
             None,
             Moment {

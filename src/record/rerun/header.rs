@@ -6,7 +6,7 @@ use rerun::log::{LogMsg, RowId};
 use super::error::RecordingError;
 use super::scene::SceneWriter;
 use super::{APPLICATION, RerunRecorder, RunInfo, blueprint, description, quantities};
-use crate::run::facts::BodyTrajectory;
+use crate::run::facts::EpisodeDetails;
 use crate::scenario::recording::RecordingSettings;
 
 impl RerunRecorder {
@@ -37,7 +37,7 @@ impl RerunRecorder {
     /// Writes the blueprint. The bounds of scenes are those of the first recorded episodes.
     pub(super) fn write_blueprint(
         &mut self,
-        trajectories: &[BodyTrajectory],
+        trajectories: &[EpisodeDetails],
     ) -> Result<(), RecordingError> {
         let scales = self.layouts.color_scales(&self.style.coloring)?;
         self.sink.send_chunks(&scales)?;
@@ -47,7 +47,7 @@ impl RerunRecorder {
         Ok(())
     }
 
-    fn blueprint_config(&self, trajectories: &[BodyTrajectory]) -> blueprint::BlueprintConfig {
+    fn blueprint_config(&self, trajectories: &[EpisodeDetails]) -> blueprint::BlueprintConfig {
         let constants = &self.constants;
         let scenes = self.writers.scenes.iter();
         blueprint::BlueprintConfig {
@@ -68,7 +68,7 @@ impl RerunRecorder {
     }
 }
 
-fn scene_view(scene: &SceneWriter, trajectories: &[BodyTrajectory]) -> blueprint::SceneView {
+fn scene_view(scene: &SceneWriter, trajectories: &[EpisodeDetails]) -> blueprint::SceneView {
     let trajectory_of_agent = trajectories
         .iter()
         .find(|trajectory| trajectory.agent == scene.agent());

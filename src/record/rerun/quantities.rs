@@ -1,8 +1,8 @@
 //! `/scenario/quantities`: the observations and actions with their units and ranges, for programs
 //! that read a recording.
 //!
-//! One list per column: `name`, `unit`, `low`, `high`, and `role`: `observation`, `action`, `step`
-//! (from 0 to the time limit) or `intrinsic_reward` (from 0 to the maximum; only for agents with a
+//! One list per column: `name`, `unit`, `low`, `high`, and `role`: `observation`, `action`, `info`
+//! (recorded beside the observations, without a range), `step` (from 0 to the time limit) or `intrinsic_reward` (from 0 to the maximum; only for agents with a
 //! bonus).
 
 use std::sync::Arc;
@@ -24,6 +24,8 @@ pub(super) const ENTITY: &str = "/scenario/quantities";
 pub(super) struct Quantities {
     pub(super) observations: Vec<Quantity>,
     pub(super) actions: Vec<Quantity>,
+    /// What is recorded beside the observations.
+    pub(super) info: Vec<Quantity>,
     pub(super) time_limit: u32,
     pub(super) bonus: BonusRange,
 }
@@ -55,7 +57,7 @@ fn quantities_with_roles(spec: &TaskSpec, bonus: BonusRange) -> Vec<(Quantity, &
         .iter()
         .map(|action| action.quantity.clone())
         .collect();
-    let of_task = StateQuantity::of_task(&spec.observations, &actions);
+    let of_task = StateQuantity::of_task(&spec.observations, &actions, &spec.info);
     let mut rows: Vec<_> = of_task
         .map(|(quantity, named)| (named.clone(), quantity.key()))
         .collect();
@@ -95,6 +97,7 @@ pub(super) fn read(chunk: &Chunk) -> Option<Quantities> {
         match role.as_str() {
             "observation" => quantities.observations.push(Quantity { name, unit, range }),
             "action" => quantities.actions.push(Quantity { name, unit, range }),
+            "info" => quantities.info.push(Quantity { name, unit, range }),
             "step" => quantities.time_limit = range[1] as u32,
             "intrinsic_reward" => quantities.bonus = BonusRange::UpTo(range[1]),
             _ => {}

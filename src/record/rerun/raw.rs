@@ -34,6 +34,7 @@ pub(super) struct RawTable {
 pub(super) struct RawColumns {
     observations: Vec<ComponentDescriptor>,
     actions: Vec<(ComponentDescriptor, Choice)>,
+    info: Vec<ComponentDescriptor>,
     reward: ComponentDescriptor,
     log_prob: ComponentDescriptor,
     /// `None` for agents without a bonus.
@@ -48,6 +49,7 @@ struct Rows {
     moments: Moments,
     observations: Vec<Vec<f32>>,
     actions: Vec<Vec<f32>>,
+    info: Vec<Vec<f32>>,
     rewards: Vec<f32>,
     log_probs: Vec<f32>,
     intrinsic_rewards: Vec<f32>,
@@ -74,6 +76,7 @@ impl RawColumns {
             .iter()
             .map(|action| (column(&action.quantity.name), action.choice.clone()))
             .collect();
+        let info = spec.info.iter().map(|quantity| column(&quantity.name));
         let reward = column(StateQuantity::Reward.key());
         let [log_prob, outcome] = [LOG_PROB, OUTCOME].map(column);
         let intrinsic_reward = has_bonus.then(|| column(StateQuantity::IntrinsicReward.key()));
@@ -81,6 +84,7 @@ impl RawColumns {
         Ok(Arc::new(Self {
             observations,
             actions,
+            info: info.collect(),
             reward,
             log_prob,
             intrinsic_reward,
@@ -99,6 +103,7 @@ fn check_column_names(spec: &TaskSpec, has_advantages: bool) -> Result<(), Recor
         .actions
         .iter()
         .map(|action| action.quantity.name.as_str());
+    let info = spec.info.iter().map(|quantity| quantity.name.as_str());
     let [reward, intrinsic_reward, advantage] = [
         StateQuantity::Reward,
         StateQuantity::IntrinsicReward,
@@ -108,7 +113,11 @@ fn check_column_names(spec: &TaskSpec, has_advantages: bool) -> Result<(), Recor
     let others = [reward, LOG_PROB, intrinsic_reward, OUTCOME]
         .into_iter()
         .chain(has_advantages.then_some(advantage));
-    let mut names: Vec<&str> = observations.chain(actions).chain(others).collect();
+    let mut names: Vec<&str> = observations
+        .chain(actions)
+        .chain(info)
+        .chain(others)
+        .collect();
     names.sort_unstable();
     match names.windows(2).find(|pair| pair[0] == pair[1]) {
         Some(pair) => Err(RecordingError::DuplicateColumn(pair[0].to_owned())),
@@ -136,13 +145,20 @@ impl RawTable {
         }
     }
 
-    /// Adds an episode whose first row is at `first`.
-    pub(super) fn add(&mut self, episode: &Episode, step_data: Option<&StepData>, first: Moment) {
+    /// Adds an episode whose first row is at `first`. `info: [(T+1) × info width]`
+    pub(super) fn add(
+        &mut self,
+        episode: &Episode,
+        info: &[f32],
+        step_data: Option<&StepData>,
+        first: Moment,
+    ) {
         let steps = episode.length();
         let Rows {
             moments,
             observations,
             actions,
+            info: info_columns,
             rewards,
             log_probs,
             outcomes,
@@ -151,6 +167,7 @@ impl RawTable {
         } = &mut self.rows;
         moments.push_steps(first, steps + 1);
         append_to_columns(&episode.observations, observations);
+        append_to_columns(info, info_columns);
         let rows_before = actions.first().map_or(0, Vec::len);
         append_to_columns(&episode.actions, actions);
         for (column, (_, choice)) in actions.iter_mut().zip(&self.columns.actions) {
@@ -201,6 +218,7 @@ impl Rows {
         Self {
             observations,
             actions: vec![Vec::new(); columns.actions.len()],
+            info: vec![Vec::new(); columns.info.len()],
             ..Self::default()
         }
     }
@@ -211,10 +229,9 @@ impl Rows {
         columns: &RawColumns,
     ) -> Result<Chunk, RecordingError> {
         let row_is_step: Vec<bool> = self.is_last.iter().map(|is_last| !is_last).collect();
-        let observation_columns = columns
-            .observations
-            .iter()
-            .zip(self.observations)
+        let state_descriptors = columns.observations.iter().chain(&columns.info);
+        let state_columns = state_descriptors
+            .zip(self.observations.into_iter().chain(self.info))
             .map(|(descriptor, values)| f32_column(descriptor, values, None));
         let step_descriptors = columns
             .actions
@@ -241,10 +258,8 @@ impl Rows {
             Arc::new(StringArray::from(self.outcomes)),
             Some(self.is_last),
         );
-        self.moments.into_chunk(
-            entity,
-            observation_columns.chain(step_columns).chain([outcome]),
-        )
+        self.moments
+            .into_chunk(entity, state_columns.chain(step_columns).chain([outcome]))
     }
 }
 

@@ -73,6 +73,12 @@ impl Recording {
         &self.quantities.actions
     }
 
+    /// What is recorded beside the observations, in order. It has no ranges.
+    #[must_use]
+    pub fn info(&self) -> &[Quantity] {
+        &self.quantities.info
+    }
+
     /// Number of steps after which episodes are truncated.
     #[must_use]
     pub fn time_limit(&self) -> u32 {
@@ -173,6 +179,9 @@ impl Episodes {
             episode
                 .observations
                 .extend(rows.observations.iter().map(|column| column[row]));
+            episode
+                .info
+                .extend(rows.info.iter().map(|column| column[row]));
             if let Some(outcome) = outcome {
                 episode.outcome = *outcome;
                 self.finished.extend(self.unfinished.remove(&agent));
@@ -196,6 +205,7 @@ fn empty_episode(agent: u32, episode: u32, round: u32) -> RecordedEpisode {
     let [
         observations,
         actions,
+        info,
         rewards,
         intrinsic_rewards,
         advantages,
@@ -206,6 +216,7 @@ fn empty_episode(agent: u32, episode: u32, round: u32) -> RecordedEpisode {
         round,
         observations,
         actions,
+        info,
         rewards,
         intrinsic_rewards,
         advantages,
@@ -217,6 +228,7 @@ fn empty_episode(agent: u32, episode: u32, round: u32) -> RecordedEpisode {
 struct Columns {
     observations: Vec<ComponentIdentifier>,
     actions: Vec<ComponentIdentifier>,
+    info: Vec<ComponentIdentifier>,
     reward: ComponentIdentifier,
     intrinsic_reward: ComponentIdentifier,
     advantage: ComponentIdentifier,
@@ -229,6 +241,8 @@ struct Rows {
     rounds: Vec<u32>,
     /// `[observations]` of `[rows]`
     observations: Vec<Vec<f32>>,
+    /// `[info]` of `[rows]`
+    info: Vec<Vec<f32>>,
     /// `[actions]` of `[rows without an outcome]`; rewards, bonuses and advantages have these rows as well.
     actions: Vec<Vec<f32>>,
     rewards: Vec<f32>,
@@ -244,6 +258,7 @@ impl Rows {
         let steps = self.outcomes.iter().filter(|end| end.is_none()).count();
         [&self.episodes, &self.rounds].map(Vec::len) == [rows; 2]
             && self.observations.iter().all(|column| column.len() == rows)
+            && self.info.iter().all(|column| column.len() == rows)
             && self.actions.iter().all(|column| column.len() == steps)
             && self.rewards.len() == steps
             // Not all agents have these.
@@ -266,6 +281,7 @@ impl Columns {
         Self {
             observations: names_of(&quantities.observations),
             actions: names_of(&quantities.actions),
+            info: names_of(&quantities.info),
             reward: column_name(StateQuantity::Reward.key()),
             intrinsic_reward: column_name(StateQuantity::IntrinsicReward.key()),
             advantage: column_name(StateQuantity::Advantage.key()),
@@ -291,6 +307,7 @@ impl Columns {
             episodes: times(EPISODE),
             rounds: times(ROUND),
             observations: self.observations.iter().map(numbers).collect(),
+            info: self.info.iter().map(numbers).collect(),
             actions: self.actions.iter().map(numbers).collect(),
             rewards: numbers(&self.reward),
             intrinsic_rewards: numbers(&self.intrinsic_reward),

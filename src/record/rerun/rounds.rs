@@ -9,7 +9,7 @@ use super::rows::Moment;
 use super::samples::DrawnStateCounts;
 use super::writers::{Due, states_per_write};
 use crate::record::visitation::{Coloring, first_round};
-use crate::run::facts::{BodyTrajectory, EpisodeRow};
+use crate::run::facts::{EpisodeDetails, EpisodeRow};
 use crate::run::recorder::{Focus, RoundRecord};
 use seedbed_learn::experience::Episode;
 use seedbed_random::{Purpose, stream};
@@ -69,7 +69,7 @@ impl RerunRecorder {
     pub(super) fn add_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordingError> {
         if self.state.latest.is_none() {
             self.set_color_range(round.episodes);
-            self.write_blueprint(round.body_trajectories)?;
+            self.write_blueprint(round.details)?;
         }
         let mut rows = round.episode_rows.iter();
         for episodes in round.episodes.chunk_by(|one, next| one.agent == next.agent) {
@@ -160,8 +160,10 @@ impl RerunRecorder {
             let (first_moment, end) = self.reserve_moments(episode);
             let step_data = round.step_data_of(episode);
             let writers = &mut self.writers.agents[agent];
+            let details = round.details_of(episode);
             if episode.episode.is_multiple_of(self.constants.raw_every) {
-                writers.raw.add(episode, step_data, first_moment);
+                let info = details.map_or(&[][..], |details| &details.info);
+                writers.raw.add(episode, info, step_data, first_moment);
             }
             self.style.add(
                 (episode, step_data),
@@ -174,7 +176,9 @@ impl RerunRecorder {
             if let Some(row) = rows.next() {
                 self.writers.curves.add_episode(row, end);
             }
-            self.add_scene(round.body_trajectories, episode, first_moment);
+            if let Some(details) = details {
+                self.add_scene(details, first_moment);
+            }
         }
     }
 
@@ -195,23 +199,11 @@ impl RerunRecorder {
         (first_moment, end)
     }
 
-    /// Adds the bodies of an episode if its agent has a scene and its trajectory was recorded.
-    fn add_scene(
-        &mut self,
-        trajectories: &[BodyTrajectory],
-        episode: &Episode,
-        first_moment: Moment,
-    ) {
-        let scene = self
-            .writers
-            .scenes
-            .iter_mut()
-            .find(|scene| scene.agent() == episode.agent);
-        let trajectory = trajectories.iter().find(|trajectory| {
-            (trajectory.agent, trajectory.episode) == (episode.agent, episode.episode)
-        });
-        if let (Some(scene), Some(trajectory)) = (scene, trajectory) {
-            scene.add_episode(trajectory, first_moment);
+    /// Adds the bodies of an episode if its agent has a scene.
+    fn add_scene(&mut self, details: &EpisodeDetails, first_moment: Moment) {
+        let mut scenes = self.writers.scenes.iter_mut();
+        if let Some(scene) = scenes.find(|scene| scene.agent() == details.agent) {
+            scene.add_episode(details, first_moment);
         }
     }
 

@@ -18,7 +18,7 @@ use super::ropes::RopeWriter;
 use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, static_chunk};
 use super::shapes::{FIXED_COLOR, hinge, lines_and_discs, rotation_of, translation_of};
 use super::terrain::TerrainWriter;
-use crate::run::facts::BodyTrajectory;
+use crate::run::facts::EpisodeDetails;
 use seedbed_env::{Pose, Scene, SceneBody};
 use seedbed_figure::color::dark::agent_color;
 use seedbed_scene::body_color::{BodyColor, body_colors};
@@ -139,7 +139,7 @@ impl SceneWriter {
     }
 
     /// Adds an episode whose first row is at `first`. Episodes of other agents are ignored.
-    pub(super) fn add_episode(&mut self, trajectory: &BodyTrajectory, first: Moment) {
+    pub(super) fn add_episode(&mut self, trajectory: &EpisodeDetails, first: Moment) {
         if trajectory.agent != self.agent || trajectory.poses.is_empty() {
             return;
         }
@@ -189,11 +189,11 @@ impl SceneWriter {
     }
 
     /// Bounds of a view that shows a whole episode.
-    pub(super) fn view_bounds(&self, trajectory: &BodyTrajectory) -> Option<Bounds> {
+    pub(super) fn view_bounds(&self, trajectory: &EpisodeDetails) -> Option<Bounds> {
         episode_bounds(&self.scene, &trajectory.poses, &trajectory.terrain)
     }
 
-    fn trace_episode(&mut self, trajectory: &BodyTrajectory, first: Moment) {
+    fn trace_episode(&mut self, trajectory: &EpisodeDetails, first: Moment) {
         let states: Vec<&[Pose]> = trajectory
             .poses
             .chunks_exact(self.scene.bodies.len())

@@ -178,6 +178,7 @@ impl AgentEpisodes {
             round: self.finished,
             observations: Vec::new(),
             actions: Vec::new(),
+            info: Vec::new(),
             rewards: Vec::new(),
             intrinsic_rewards: Vec::new(),
             advantages: Vec::new(),

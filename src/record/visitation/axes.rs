@@ -318,7 +318,7 @@ impl Axis {
             StateQuantity::Advantage => state.advantage,
             StateQuantity::Step => state.step as f32,
             // They have no axis here.
-            StateQuantity::Episode | StateQuantity::Return => f32::NAN,
+            StateQuantity::Info(_) | StateQuantity::Episode | StateQuantity::Return => f32::NAN,
         }
     }
 }
@@ -363,6 +363,7 @@ pub(super) mod tests {
             control_step: 0.02,
             time_limit: 200,
             reward_threshold: None,
+            info: Vec::new(),
         }
     }
 

@@ -239,7 +239,7 @@ fn record_of<'a>(number: u32, episodes: &'a [&'a Episode], round: &'a Round) -> 
         episode_rows: &round.rows.episodes,
         round_rows: &round.rows.updates,
         step_data: &round.step_data,
-        body_trajectories: &round.body_trajectories,
+        details: &round.details,
     }
 }
 
@@ -364,7 +364,7 @@ mod tests {
         let round = Round {
             rows: RoundRows::default(),
             step_data: Vec::new(),
-            body_trajectories: Vec::new(),
+            details: Vec::new(),
         };
         recorder.record(number, &[&episode], round)
     }

@@ -9,6 +9,6 @@ mod summary;
 
 pub use self::metrics::RoundRow;
 pub use self::returns::FINAL_WINDOW;
-pub use self::rows::{BodyTrajectory, EpisodeRow};
+pub use self::rows::{EpisodeDetails, EpisodeRow};
 pub use self::state_quantity::StateQuantity;
 pub use self::summary::{SolvedAt, Summary};

@@ -31,9 +31,10 @@ pub struct EpisodeRow {
     pub effective_agents: f64,
 }
 
-/// The poses of all bodies in each state of an episode, the forces on them, and the ground.
+/// What is recorded of an episode and no agent learns from: the poses of all bodies in each state, the
+/// forces on them, the ground, and entries of `info` of environments of Gymnasium.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct BodyTrajectory {
+pub struct EpisodeDetails {
     /// Number of the agent, from 0.
     pub agent: u32,
     /// Number of the agent's episode, from 0.
@@ -46,4 +47,6 @@ pub struct BodyTrajectory {
     pub forces_per_row: Vec<usize>,
     /// The lines of the ground of this episode, as points in the world, m: `[lines]` of `[points]`
     pub terrain: Vec<Vec<[f32; 2]>>,
+    /// Entries of `info` in each state: `[(T+1) × info width]`
+    pub info: Vec<f32>,
 }

@@ -10,6 +10,8 @@ pub enum StateQuantity {
     Observation(usize),
     /// The component of the action with this index.
     Action(usize),
+    /// The entry of `info` with this index, which agents do not see.
+    Info(usize),
     /// The environment's reward for the action.
     Reward,
     /// The bonus of the action.
@@ -25,9 +27,10 @@ pub enum StateQuantity {
 }
 
 /// Keys of all kinds in their order.
-const KEYS: [&str; 8] = [
+const KEYS: [&str; 9] = [
     "observation",
     "action",
+    "info",
     "reward",
     "intrinsic_reward",
     "advantage",
@@ -53,12 +56,13 @@ impl StateQuantity {
         match self {
             Self::Observation(_) => 0,
             Self::Action(_) => 1,
-            Self::Reward => 2,
-            Self::IntrinsicReward => 3,
-            Self::Advantage => 4,
-            Self::Step => 5,
-            Self::Episode => 6,
-            Self::Return => 7,
+            Self::Info(_) => 2,
+            Self::Reward => 3,
+            Self::IntrinsicReward => 4,
+            Self::Advantage => 5,
+            Self::Step => 6,
+            Self::Episode => 7,
+            Self::Return => 8,
         }
     }
 
@@ -87,15 +91,18 @@ impl StateQuantity {
         }
     }
 
-    /// The quantities of a task by name: observations before actions.
+    /// The quantities of a task by name: observations, actions, entries of `info`.
     pub fn of_task<'a>(
         observations: &'a [Quantity],
         actions: &'a [Quantity],
+        info: &'a [Quantity],
     ) -> impl Iterator<Item = (Self, &'a Quantity)> {
         let numbered = |quantities: &'a [Quantity], quantity: fn(usize) -> Self| {
             let quantities = quantities.iter().enumerate();
             quantities.map(move |(index, named)| (quantity(index), named))
         };
-        numbered(observations, Self::Observation).chain(numbered(actions, Self::Action))
+        numbered(observations, Self::Observation)
+            .chain(numbered(actions, Self::Action))
+            .chain(numbered(info, Self::Info))
     }
 }

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 pub use self::bonus::BonusRange;
 pub use self::run_info::{Focus, RunInfo};
-use super::facts::{BodyTrajectory, EpisodeRow, RoundRow};
+use super::facts::{EpisodeDetails, EpisodeRow, RoundRow};
 use crate::scenario::recording::RecordingSettings;
 use crate::storage::written::WrittenFile;
 use seedbed_learn::experience::{Episode, StepData};
@@ -96,11 +96,21 @@ pub struct RoundRecord<'a> {
     /// Values that updates computed for the steps of episodes, in (agent, episode) order. An
     /// episode for which nothing was computed has no entry.
     pub step_data: &'a [StepData],
-    /// Trajectories of the bodies, in the episodes of this round whose scene is recorded.
-    pub body_trajectories: &'a [BodyTrajectory],
+    /// Bodies and entries of `info` of the episodes of this round that have any to record, in (agent,
+    /// episode) order.
+    pub details: &'a [EpisodeDetails],
 }
 
 impl RoundRecord<'_> {
+    /// Bodies and entries of `info` of an episode; `None` if it has none to record.
+    #[must_use]
+    pub fn details_of(&self, episode: &Episode) -> Option<&EpisodeDetails> {
+        let key = (episode.agent, episode.episode);
+        let details_key = |details: &EpisodeDetails| (details.agent, details.episode);
+        let index = self.details.binary_search_by_key(&key, details_key).ok()?;
+        self.details.get(index)
+    }
+
     /// Intrinsic rewards and advantages that an update computed for the steps of an episode; `None`
     /// if it computed none.
     #[must_use]

@@ -49,6 +49,16 @@ impl AsyncRollout {
         }
     }
 
+    /// Entries of `info` in the episodes that are being played.
+    pub(super) fn info(&self) -> Vec<&[f32]> {
+        self.slots.info()
+    }
+
+    /// Sets what [`info`](Self::info) returned.
+    pub(super) fn set_info(&mut self, info: Vec<Vec<f32>>) {
+        self.slots.set_info(info);
+    }
+
     /// Continues until a step in which at least one episode ends, and returns the episodes that
     /// ended in this step, in agent order; no episodes if every agent has played all of its
     /// episodes.
@@ -72,7 +82,7 @@ impl AsyncRollout {
             for slot in &mut self.slots.slots {
                 if let Some(episode) = slot.observe(environment) {
                     ended.episodes.push(episode);
-                    ended.body_trajectories.extend(slot.body_trajectory.take());
+                    ended.details.extend(slot.details.take());
                     ended.warnings.extend(slot.warning.take());
                 }
             }

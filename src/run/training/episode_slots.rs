@@ -5,7 +5,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::episode_warning::EpisodeWarning;
-use crate::run::facts::BodyTrajectory;
+use crate::run::facts::EpisodeDetails;
 use crate::scenario::recording::SceneSettings;
 use seedbed_env::{Environment, Pose, Status};
 use seedbed_learn::agent::ActScratch;
@@ -59,6 +59,22 @@ impl EpisodeSlots {
         self.action_streams[index] = stream(run_seed, Purpose::Action, agent, round);
         *slot = EpisodeSlot::new(run_seed, agent, copy, round);
         slot
+    }
+
+    /// Entries of `info` in the episode of each slot so far: `[agents]`
+    pub(super) fn info(&self) -> Vec<&[f32]> {
+        let details = self.slots.iter().map(|slot| slot.details.as_ref());
+        let info = details.map(|details| details.map_or(&[][..], |details| &details.info));
+        info.collect()
+    }
+
+    /// Sets what [`info`](Self::info) returned.
+    pub(super) fn set_info(&mut self, info: Vec<Vec<f32>>) {
+        for (slot, info) in self.slots.iter_mut().zip(info) {
+            if let Some(details) = &mut slot.details {
+                details.info = info;
+            }
+        }
     }
 
     /// Agent and episode in a copy, for people.
@@ -135,6 +151,51 @@ impl EpisodeSlots {
     }
 }
 
+/// Details of an episode in a checkpoint: the fields in their order without entries of `info`, which earlier versions
+/// did not have.
+mod without_info {
+    use super::EpisodeDetails;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[expect(
+        clippy::ref_option,
+        reason = "serde calls it with a reference to the field"
+    )]
+    pub(super) fn serialize<S: Serializer>(
+        details: &Option<EpisodeDetails>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let fields = |of: &EpisodeDetails| {
+            let forces = (of.forces.clone(), of.forces_per_row.clone());
+            (
+                of.agent,
+                of.episode,
+                of.poses.clone(),
+                forces,
+                of.terrain.clone(),
+            )
+        };
+        details.as_ref().map(fields).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<EpisodeDetails>, D::Error> {
+        let fields = Option::deserialize(deserializer)?;
+        Ok(fields.map(
+            |(agent, episode, poses, (forces, forces_per_row), terrain)| EpisodeDetails {
+                agent,
+                episode,
+                poses,
+                forces,
+                forces_per_row,
+                terrain,
+                info: Vec::new(),
+            },
+        ))
+    }
+}
+
 /// The episode that one agent is playing, if any.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct EpisodeSlot {
@@ -143,8 +204,10 @@ pub(super) struct EpisodeSlot {
     copy: usize,
     resets: Stream,
     pub(super) playing: Option<Episode>,
-    /// The bodies during the episode that is playing or has just ended, if they are recorded.
-    pub(super) body_trajectory: Option<BodyTrajectory>,
+    /// Bodies and entries of `info` during the episode that is playing or has just ended, if there are any
+    /// to record. Checkpoints store entries of `info` [separately](EpisodeSlots::info).
+    #[serde(with = "without_info")]
+    pub(super) details: Option<EpisodeDetails>,
     /// The physics warning of the episode that has just ended.
     #[serde(skip)]
     pub(super) warning: Option<EpisodeWarning>,
@@ -158,7 +221,7 @@ impl EpisodeSlot {
             copy,
             resets: stream(run_seed, Purpose::Reset, agent, round),
             playing: None,
-            body_trajectory: None,
+            details: None,
             warning: None,
         }
     }
@@ -186,14 +249,15 @@ impl EpisodeSlot {
         let observation = self.observation(environment);
         started.observations.extend_from_slice(observation);
         self.playing = Some(started);
-        let recorded = scene.is_some_and(|scene| scene.records(self.agent, episode));
-        self.body_trajectory = recorded.then(|| BodyTrajectory {
+        let has_bodies = scene.is_some_and(|scene| scene.records(self.agent, episode));
+        let has_details = has_bodies || !environment.spec().info.is_empty();
+        self.details = has_details.then(|| EpisodeDetails {
             agent: self.agent,
             episode,
             terrain: terrain_lines(environment, self.copy),
-            ..BodyTrajectory::default()
+            ..EpisodeDetails::default()
         });
-        self.record_bodies(environment);
+        self.record_details(environment);
     }
 
     /// Adds the result of the latest step to the episode; returns the episode if it has ended.
@@ -203,7 +267,7 @@ impl EpisodeSlot {
         episode.rewards.push(environment.rewards()[copy]);
         let observation = self.observation(environment);
         episode.observations.extend_from_slice(observation);
-        self.record_bodies(environment);
+        self.record_details(environment);
         episode.outcome = environment.statuses()[copy];
         if episode.outcome == Status::Running {
             self.playing = Some(episode);
@@ -227,9 +291,17 @@ impl EpisodeSlot {
         &environment.observations()[copy * width..(copy + 1) * width]
     }
 
+    fn record_details(&mut self, environment: &dyn Environment) {
+        let width = environment.spec().info.len();
+        if let Some(details) = &mut self.details {
+            let info = &environment.info()[self.copy * width..][..width];
+            details.info.extend_from_slice(info);
+        }
+        self.record_bodies(environment);
+    }
+
     fn record_bodies(&mut self, environment: &dyn Environment) {
-        let (Some(scene), Some(trajectory)) = (environment.scene(), &mut self.body_trajectory)
-        else {
+        let (Some(scene), Some(trajectory)) = (environment.scene(), &mut self.details) else {
             return;
         };
         let copy = self.copy;

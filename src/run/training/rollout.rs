@@ -11,7 +11,7 @@ use super::agent_round::AgentRound;
 use super::episode_slots::EpisodeSlots;
 use super::episode_warning::EpisodeWarning;
 use super::remote_steps::{PlayedSteps, RemoteRounds};
-use crate::run::facts::BodyTrajectory;
+use crate::run::facts::EpisodeDetails;
 use crate::scenario::recording::SceneSettings;
 use seedbed_env::Environment;
 use seedbed_env::gymnasium::{EnvironmentFailure, catch_failure};
@@ -37,8 +37,8 @@ pub struct RoundPlan<'a> {
 pub struct PlayedEpisodes {
     /// The episodes, in (agent, episode) order.
     pub episodes: Vec<Episode>,
-    /// The recorded bodies, in (agent, episode) order.
-    pub body_trajectories: Vec<BodyTrajectory>,
+    /// What is recorded beside the episodes, in (agent, episode) order.
+    pub details: Vec<EpisodeDetails>,
     /// The physics warnings, at most one per episode.
     pub warnings: Vec<EpisodeWarning>,
 }
@@ -146,11 +146,11 @@ pub(super) fn collect_episodes<'a>(
         played
             .episodes
             .extend(agents.flat_map(|agent| agent.finished));
-        played.body_trajectories.extend(round.body_trajectories);
+        played.details.extend(round.details);
         played.warnings.extend(round.warnings);
     }
     played
-        .body_trajectories
+        .details
         .sort_by_key(|trajectory| (trajectory.agent, trajectory.episode));
     played
 }
@@ -206,7 +206,7 @@ pub(super) struct GroupRound<'a> {
     plan: RoundPlan<'a>,
     slots: EpisodeSlots,
     agents: Vec<AgentRound>,
-    body_trajectories: Vec<BodyTrajectory>,
+    details: Vec<EpisodeDetails>,
     warnings: Vec<EpisodeWarning>,
     /// Number of steps whose transitions the team has not got yet.
     unreported_steps: u32,
@@ -225,7 +225,7 @@ impl<'a> GroupRound<'a> {
             plan,
             slots: EpisodeSlots::new(plan.run_seed, agents, first_copy, plan.round),
             agents: Vec::new(),
-            body_trajectories: Vec::new(),
+            details: Vec::new(),
             warnings: Vec::new(),
             unreported_steps: 0,
         };
@@ -270,7 +270,7 @@ impl<'a> GroupRound<'a> {
         let Some(episode) = slot.observe(environment) else {
             return;
         };
-        self.body_trajectories.extend(slot.body_trajectory.take());
+        self.details.extend(slot.details.take());
         self.warnings.extend(slot.warning.take());
         let finished = &mut self.agents[index].finished;
         finished.push(episode);

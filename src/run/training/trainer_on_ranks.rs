@@ -150,10 +150,10 @@ impl<'a> TrainerOnRanks<'a> {
         ranks.agree(added)?;
         let updates = trainer.learn_together(learned_before);
         ranks.agree(trainer.check_updates(&updates))?;
-        let bodies = ranks.gather_lists(played.body_trajectories);
+        let details = ranks.gather_lists(played.details);
         let agreement = trainer.bonus_agreement();
         let round = if ranks.is_first() {
-            trainer.measure_round(updates, bodies, agreement)
+            trainer.measure_round(updates, details, agreement)
         } else {
             Round::default()
         };

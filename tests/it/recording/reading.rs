@@ -128,6 +128,7 @@ fn expected_episodes(run: &SyntheticRun, rounds: usize) -> Vec<RecordedEpisode> 
                 .iter()
                 .map(|&action| if action == 0.0 { -10.0 } else { 10.0 })
                 .collect(),
+            info: Vec::new(),
             rewards: episode.rewards,
             intrinsic_rewards: step_data.intrinsic_rewards,
             advantages: Vec::new(),

@@ -167,7 +167,7 @@ fn the_advantage_column_has_the_estimates_of_the_agents() {
                 episode_rows,
                 round_rows,
                 step_data: &round.step_data,
-                body_trajectories: &[],
+                details: &[],
             })
             .unwrap();
     }

@@ -1,7 +1,7 @@
 //! Recorded scenes: poses of bodies, forces, traces, and the camera.
 
 use seedbed::record::recording::Recording;
-use seedbed::run::facts::BodyTrajectory;
+use seedbed::run::facts::EpisodeDetails;
 use seedbed::scenario::recording::{RecordingSettings, SceneSettings};
 use seedbed_env::{Force, ForceSource, Pose, SceneRope, SceneRopeEnd};
 use seedbed_input::numbers::ranged_count;
@@ -44,9 +44,9 @@ fn recorded_scenes_are_read_back() {
     let path = record(&run, folder.path(), &RecordingSettings::default());
     let recording = Recording::open(&path).unwrap();
     let scenes = recording.scenes(0, &run.scene).unwrap();
-    let recorded: Vec<&BodyTrajectory> = [0, 10]
+    let recorded: Vec<&EpisodeDetails> = [0, 10]
         .iter()
-        .map(|&round: &usize| &run.rounds[round].body_trajectories[0])
+        .map(|&round: &usize| &run.rounds[round].details[0])
         .collect();
     assert_eq!(scenes.len(), recorded.len());
     for (scene, trajectory) in scenes.iter().zip(recorded) {
@@ -68,7 +68,7 @@ fn the_ground_of_recorded_episodes_is_read_back() {
     let line = |level: f32| vec![[1.5, level], [0.5, 0.25], [-0.5, level]];
     let lines = [vec![line(-1.0), line(2.0)], vec![line(3.0), Vec::new()]];
     for (round, lines) in [0, 10].into_iter().zip(&lines) {
-        run.rounds[round].body_trajectories[0].terrain = lines.clone();
+        run.rounds[round].details[0].terrain = lines.clone();
     }
     let path = record(&run, folder.path(), &RecordingSettings::default());
     let recording = Recording::open(&path).unwrap();
@@ -114,7 +114,7 @@ fn ropes_are_recorded_at_each_step() {
         contents.times(entity, "env_step"),
         contents.times(pole, "env_step")
     );
-    let poses = [0, 10].map(|round: usize| &run.rounds[round].body_trajectories[0].poses);
+    let poses = [0, 10].map(|round: usize| &run.rounds[round].details[0].poses);
     let poles = poses.into_iter().flatten().skip(2).step_by(3);
     let expected: Vec<_> = poles
         .map(|pose| {
@@ -149,7 +149,7 @@ fn each_recorded_agent_has_its_own_poses_and_forces() {
     let folder = tempfile::tempdir().unwrap();
     let mut run = SyntheticRun::new(3, 12);
     for round in &mut run.rounds {
-        round.body_trajectories = [0, 2]
+        round.details = [0, 2]
             .map(|agent| trajectory_with_forces(&round.episodes[agent]))
             .to_vec();
     }
@@ -189,7 +189,7 @@ fn each_recorded_agent_has_its_own_poses_and_forces() {
 }
 
 /// A trajectory of two bodies that move 1 cm per step under a force of 5 N.
-fn trajectory_with_forces(episode: &Episode) -> BodyTrajectory {
+fn trajectory_with_forces(episode: &Episode) -> EpisodeDetails {
     let force = Force {
         source: ForceSource::Action,
         at: [0.5, 0.1],
@@ -199,7 +199,7 @@ fn trajectory_with_forces(episode: &Episode) -> BodyTrajectory {
         x: 0.01 * step as f32,
         ..Pose::default()
     };
-    BodyTrajectory {
+    EpisodeDetails {
         agent: episode.agent,
         episode: episode.episode,
         poses: (0..=episode.length())
@@ -209,7 +209,7 @@ fn trajectory_with_forces(episode: &Episode) -> BodyTrajectory {
         forces_per_row: std::iter::once(0)
             .chain(vec![1; episode.length()])
             .collect(),
-        terrain: Vec::new(),
+        ..EpisodeDetails::default()
     }
 }
 

@@ -1,6 +1,6 @@
 //! A synthetic run, with episodes that were not produced by training, as input for recorders.
 
-use seedbed::run::facts::{BodyTrajectory, EpisodeRow, RoundRow};
+use seedbed::run::facts::{EpisodeDetails, EpisodeRow, RoundRow};
 use seedbed::run::recorder::{BonusRange, Recorder, RoundRecord};
 use seedbed::run::recorder::{Focus, RunInfo};
 use seedbed_env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Status, TaskSpec};
@@ -20,7 +20,7 @@ pub(super) struct SyntheticRound {
     pub(super) episode_rows: Vec<EpisodeRow>,
     pub(super) round_rows: Vec<RoundRow>,
     pub(super) step_data: Vec<StepData>,
-    pub(super) body_trajectories: Vec<BodyTrajectory>,
+    pub(super) details: Vec<EpisodeDetails>,
 }
 
 impl SyntheticRound {
@@ -31,7 +31,7 @@ impl SyntheticRound {
             episode_rows: &self.episode_rows,
             round_rows: &self.round_rows,
             step_data: &self.step_data,
-            body_trajectories: &self.body_trajectories,
+            details: &self.details,
         };
         recorder
             .record_round(&round)
@@ -91,6 +91,7 @@ fn cart_pole_spec() -> TaskSpec {
         control_step: 0.02,
         time_limit: 200,
         reward_threshold: Some(195.0),
+        info: Vec::new(),
     }
 }
 
@@ -129,7 +130,7 @@ fn cart_and_pole() -> Scene {
 /// A round in which the controllers of all agents have the skill `round / rounds`, at most 0.9.
 fn synthetic_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> SyntheticRound {
     let skill = (f64::from(round) / f64::from(rounds)).min(0.9);
-    let played: Vec<(Episode, BodyTrajectory)> = (0..agents)
+    let played: Vec<(Episode, EpisodeDetails)> = (0..agents)
         .map(|agent| synthetic_episode(agent, round, skill))
         .collect();
     let row = |episode: &Episode| {
@@ -156,7 +157,7 @@ fn synthetic_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) ->
         round_rows: (0..agents)
             .map(|agent| synthetic_round_row(agent, round, skill))
             .collect(),
-        body_trajectories: round
+        details: round
             .is_multiple_of(10)
             .then(|| played[0].1.clone())
             .into_iter()
@@ -197,7 +198,7 @@ fn synthetic_round_row(agent: u32, round: u32, skill: f64) -> RoundRow {
 
 /// An episode of a controller that pushes at random or according to a linear function of the state.
 /// The larger `skill` is, the more often it uses the state.
-fn synthetic_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajectory) {
+fn synthetic_episode(agent: u32, round: u32, skill: f64) -> (Episode, EpisodeDetails) {
     let mut noise = UniformNoise((u64::from(agent) << 32) | (u64::from(round) << 8) | 1);
     let mut state = [0.0_f64; 4].map(|_| noise.uniform() * 0.05);
     let mut episode = Episode {
@@ -210,11 +211,11 @@ fn synthetic_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajec
         log_probs: Vec::new(),
         outcome: Status::Truncated,
     };
-    let mut body_trajectory = BodyTrajectory {
+    let mut details = EpisodeDetails {
         agent,
         episode: round,
         poses: poses(state).to_vec(),
-        ..BodyTrajectory::default()
+        ..EpisodeDetails::default()
     };
     while episode.length() < 200 {
         let control_signal = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5)
@@ -234,13 +235,13 @@ fn synthetic_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajec
             .log_probs
             .push(-(1.0 + noise.uniform().abs() as f32).ln());
         episode.observations.extend(state.map(|x| x as f32));
-        body_trajectory.poses.extend(poses(state));
+        details.poses.extend(poses(state));
         if state[0].abs() > 2.4 || state[2].abs() > 0.209 {
             episode.outcome = Status::Terminated;
             break;
         }
     }
-    (episode, body_trajectory)
+    (episode, details)
 }
 
 fn synthetic_step_data(episode: &Episode) -> StepData {

@@ -77,6 +77,7 @@ impl Resolver<'_> {
             control_step: file.control_step.get(),
             time_limit: file.time_limit.get(),
             reward_threshold: file.reward_threshold.map(FiniteNumber::get_f32),
+            info: Vec::new(),
         }
     }
 

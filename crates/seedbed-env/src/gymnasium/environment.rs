@@ -6,7 +6,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::failure::EnvironmentFailure;
-use super::messages::{Request, answer, read_floats};
+use super::messages::{Configuration, Request, answer, read_floats};
 use super::task::GymnasiumTask;
 use super::worker::Worker;
 use super::worker_error::WorkerError;
@@ -20,9 +20,13 @@ pub(crate) struct GymnasiumEnvironment {
     /// Empty before the first reset: commands that never play start no Python.
     workers: Vec<WorkerCopies>,
     worker_count: usize,
+    /// Whether copies can draw pictures.
+    draws: bool,
     /// `[M × observations]`
     observations: Vec<f32>,
     rewards: Vec<f32>,
+    /// Entries of `info` that are recorded: `[M × info]`
+    info: Vec<f32>,
     statuses: Vec<Status>,
     episodes: Vec<PlayedEpisode>,
     /// The actions of the present step within their ranges: `[M × action width]`
@@ -61,13 +65,39 @@ impl GymnasiumEnvironment {
         Self {
             workers: Vec::new(),
             worker_count: workers.clamp(1, copies.max(1)),
+            draws: false,
             observations: vec![0.0; copies * task.spec.observation_width()],
             rewards: vec![0.0; copies],
+            info: vec![0.0; copies * task.spec.info.len()],
             statuses: vec![Status::Idle; copies],
             episodes: vec![PlayedEpisode::default(); copies],
             actions: Vec::new(),
             task: task.clone(),
         }
+    }
+
+    /// One copy that draws pictures.
+    pub(super) fn drawing(task: &GymnasiumTask) -> Self {
+        Self {
+            draws: true,
+            ..Self::new(task, 1, 1)
+        }
+    }
+
+    /// A picture of the only copy, as its worker sends it: height, width and colors.
+    pub(super) fn picture(&mut self) -> &[u8] {
+        let worker = &mut self.workers[0].worker;
+        worker
+            .begin(Request::Picture)
+            .extend_from_slice(&0_u32.to_le_bytes());
+        if let Err(error) = worker.send() {
+            self.fail(&error, 0, "render()");
+        }
+        let worker = &mut self.workers[0].worker;
+        if let Err(error) = worker.receive(answer::PICTURE) {
+            self.fail(&error, 0, "render()");
+        }
+        self.workers[0].worker.payload()
     }
 
     /// Starts all workers at the same time, unless they run.
@@ -78,7 +108,7 @@ impl GymnasiumEnvironment {
         let (copies, workers) = (self.copies(), self.worker_count);
         let first = |worker: usize| worker * copies / workers;
         let ranges = (0..workers).map(|worker| first(worker)..first(worker + 1));
-        match start_together(&self.task, ranges) {
+        match start_together(&self.task, ranges, self.draws) {
             Ok(started) => self.workers = started,
             Err(error) => self.fail(&error, 0, "starting the environment"),
         }
@@ -102,9 +132,12 @@ impl GymnasiumEnvironment {
     }
 
     /// Begins an episode with a seed.
-    fn begin(&mut self, copy: usize, seed: u32) {
+    pub(super) fn begin(&mut self, copy: usize, seed: u32) {
         self.start_workers();
-        let width = self.task.spec.observation_width();
+        let (width, info_width) = (
+            self.task.spec.observation_width(),
+            self.task.spec.info.len(),
+        );
         let index = worker_of(&self.workers, copy);
         let WorkerCopies { worker, copies, .. } = &mut self.workers[index];
         let (first, own) = (copies.start, (copy - copies.start) as u32);
@@ -113,8 +146,12 @@ impl GymnasiumEnvironment {
         frame.extend_from_slice(&seed.to_le_bytes());
         let answered = worker.send().and_then(|()| worker.receive(answer::START));
         let row = &mut self.observations[copy * width..][..width];
+        let info = &mut self.info[copy * info_width..][..info_width];
         match answered {
-            Ok(payload) => read_floats(payload, row),
+            Ok(payload) => {
+                read_floats(payload, row);
+                read_floats(&payload[(4 * width).min(payload.len())..], info);
+            }
             Err(error) => self.fail(&error, first, &format!("reset(seed={seed})")),
         }
         self.rewards[copy] = 0.0;
@@ -170,7 +207,10 @@ impl GymnasiumEnvironment {
 
     /// Reads what a worker answers to the actions of its live copies.
     fn receive_step(&mut self, index: usize) {
-        let width = self.task.spec.observation_width();
+        let (width, info_width) = (
+            self.task.spec.observation_width(),
+            self.task.spec.info.len(),
+        );
         let WorkerCopies {
             worker,
             copies,
@@ -180,25 +220,25 @@ impl GymnasiumEnvironment {
             return;
         }
         let (first, count) = (copies.start, copies.len());
-        let expected = count * (4 * width + 5);
+        let expected = count * (4 * width + 4 * info_width + 5);
         match worker.receive(answer::STEP) {
             Ok(payload) if payload.len() == expected => {
                 let (observations, rest) = payload.split_at(4 * width * count);
-                let (rewards, statuses) = rest.split_at(4 * count);
-                for copy in 0..count {
-                    if self.statuses[first + copy] != Status::Running {
-                        continue;
+                let (rewards, rest) = rest.split_at(4 * count);
+                let (infos, statuses) = rest.split_at(4 * info_width * count);
+                let rows = [
+                    (observations, width, &mut self.observations),
+                    (rewards, 1, &mut self.rewards),
+                    (infos, info_width, &mut self.info),
+                ];
+                for (received, width, kept) in rows {
+                    let live = &self.statuses[copies.clone()];
+                    read_rows(received, width, live, &mut kept[first * width..]);
+                }
+                for (kept, &received) in self.statuses[copies.clone()].iter_mut().zip(statuses) {
+                    if *kept == Status::Running {
+                        *kept = status(received);
                     }
-                    let row = &observations[4 * width * copy..][..4 * width];
-                    read_floats(
-                        row,
-                        &mut self.observations[(first + copy) * width..][..width],
-                    );
-                    read_floats(
-                        &rewards[4 * copy..],
-                        &mut self.rewards[first + copy..=first + copy],
-                    );
-                    self.statuses[first + copy] = status(statuses[copy]);
                 }
             }
             Ok(payload) => {
@@ -254,11 +294,16 @@ impl GymnasiumEnvironment {
 fn start_together(
     task: &GymnasiumTask,
     ranges: impl Iterator<Item = Range<usize>>,
+    draws: bool,
 ) -> Result<Vec<WorkerCopies>, WorkerError> {
     let mut started = Vec::new();
     for copies in ranges {
+        let configuration = Configuration {
+            render: draws,
+            ..task.configuration(copies.len())
+        };
         started.push(WorkerCopies {
-            worker: Worker::begin_start(&task.configuration(copies.len()))?,
+            worker: Worker::begin_start(&configuration)?,
             copies,
             is_stepping: false,
         });
@@ -270,6 +315,18 @@ fn start_together(
         }
     }
     Ok(started)
+}
+
+/// Reads the rows of the copies that are live.   `rows: [copies × width]`
+fn read_rows(received: &[u8], width: usize, statuses: &[Status], rows: &mut [f32]) {
+    for (copy, &status) in statuses.iter().enumerate() {
+        if status == Status::Running {
+            read_floats(
+                &received[4 * width * copy..],
+                &mut rows[width * copy..][..width],
+            );
+        }
+    }
 }
 
 fn worker_of(workers: &[WorkerCopies], copy: usize) -> usize {
@@ -316,6 +373,10 @@ impl Environment for GymnasiumEnvironment {
 
     fn observations(&self) -> &[f32] {
         &self.observations
+    }
+
+    fn info(&self) -> &[f32] {
+        &self.info
     }
 
     fn rewards(&self) -> &[f32] {

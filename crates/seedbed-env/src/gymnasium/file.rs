@@ -45,6 +45,9 @@ pub struct GymnasiumFile {
     /// Mean return at which the task counts as solved; by default that of the environment.
     #[serde(default)]
     pub reward_threshold: Option<FiniteNumber>,
+    /// Entries of `info` that are recorded beside the observations; agents do not see them.
+    #[serde(default)]
+    pub log_info: Located<Vec<String>>,
     /// How discrete observations are given to agents.
     #[serde(default)]
     pub discrete: DiscreteObservations,

@@ -19,6 +19,7 @@ pub(super) enum Request {
     Reset = b'R',
     Step = b'S',
     Probe = b'P',
+    Picture = b'F',
 }
 
 /// What a frame of a worker contains.
@@ -26,6 +27,7 @@ pub(super) mod answer {
     pub(in crate::gymnasium) const JSON: u8 = b'J';
     pub(in crate::gymnasium) const START: u8 = b'r';
     pub(in crate::gymnasium) const STEP: u8 = b's';
+    pub(in crate::gymnasium) const PICTURE: u8 = b'I';
     pub(in crate::gymnasium) const ERROR: u8 = b'E';
 }
 
@@ -109,6 +111,8 @@ pub(super) struct Probe {
 /// An error of Python.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub(super) struct PythonError {
+    /// What failed, such as `info`: an entry of it that is recorded.
+    pub(super) kind: String,
     pub(super) message: String,
     pub(super) help: Option<String>,
     pub(super) copy: Option<usize>,

@@ -215,7 +215,7 @@ fn configuration(file: &GymnasiumFile, folder: &Path, copies: usize) -> Configur
             DiscreteObservations::OneHot => "one_hot",
             DiscreteObservations::Number => "number",
         },
-        log_info: Vec::new(),
+        log_info: file.log_info.to_vec(),
         path: vec![folder.display().to_string()],
     }
 }
@@ -262,9 +262,12 @@ fn ask_worker(
 }
 
 fn located(file: &GymnasiumFile, error: &WorkerError) -> ValidationError {
-    let located = file
-        .id
-        .error(format!("the environment fails: {}", error.message()));
+    let located = match error {
+        WorkerError::Python(error) if error.kind == "info" => file.log_info.error(&error.message),
+        error => file
+            .id
+            .error(format!("the environment fails: {}", error.message())),
+    };
     match error.help() {
         Some(help) => located.with_help(help),
         None => located,
@@ -278,7 +281,8 @@ fn spec(name: &str, file: &GymnasiumFile) -> Result<TaskSpec, ValidationError> {
         let message = "the environment has no time limit; each episode needs one";
         file.id.error(message).with_help("add `time_limit: 1000`")
     })?;
-    let actions = found.actions.iter().map(action).collect();
+    let actions: Vec<Action> = found.actions.iter().map(action).collect();
+    let quantities = quantities(file, found)?;
     Ok(TaskSpec {
         name: name.to_owned(),
         description: if file.description.is_empty() {
@@ -292,8 +296,35 @@ fn spec(name: &str, file: &GymnasiumFile) -> Result<TaskSpec, ValidationError> {
             .reward_threshold
             .or(found.reward_threshold)
             .map(FiniteNumber::get_f32),
-        ..TaskSpec::new(name, quantities(file, found)?, actions)
+        info: logged(file, &quantities, &actions)?,
+        ..TaskSpec::new(name, quantities, actions)
     })
+}
+
+/// The entries of `info` that are recorded. Their range is that of their values.
+fn logged(
+    file: &GymnasiumFile,
+    observations: &[Quantity],
+    actions: &[Action],
+) -> Result<Vec<Quantity>, ValidationError> {
+    let actions = actions.iter().map(|action| &action.quantity);
+    let mut used: Vec<&str> = observations
+        .iter()
+        .chain(actions)
+        .map(|other| &*other.name)
+        .collect();
+    let mut logged = Vec::new();
+    for name in file.log_info.iter() {
+        if used.contains(&&**name) {
+            return Err(file
+                .log_info
+                .error(format!("the name `{name}` is given twice")));
+        }
+        used.push(name);
+        let unit = file.units.get(name).map_or("", String::as_str);
+        logged.push(Quantity::new(name, unit, [0.0, 0.0]));
+    }
+    Ok(logged)
 }
 
 /// The observed numbers with the names, units and ranges that the settings give them.
@@ -320,17 +351,19 @@ fn quantities(file: &GymnasiumFile, found: &Found) -> Result<Vec<Quantity>, Vali
         let unit = file.units.get(name).map_or("", String::as_str);
         quantities.push(Quantity::new(name, unit, range.map(|bound| bound as f32)));
     }
-    check_names(&file.units, &quantities)?;
-    check_names(&file.ranges, &quantities)?;
+    let names = || quantities.iter().map(|quantity| &*quantity.name);
+    check_names(&file.units, || {
+        names().chain(file.log_info.iter().map(|name| &**name))
+    })?;
+    check_names(&file.ranges, names)?;
     Ok(quantities)
 }
 
 /// Checks that the keys of a map are names of observed numbers.
-fn check_names<T>(
+fn check_names<'a, T, N: Iterator<Item = &'a str>>(
     map: &Located<BTreeMap<String, T>>,
-    quantities: &[Quantity],
+    names: impl Fn() -> N,
 ) -> Result<(), ValidationError> {
-    let names = || quantities.iter().map(|quantity| quantity.name.as_str());
     let Some(unknown) = map.keys().find(|key| names().all(|name| name != **key)) else {
         return Ok(());
     };

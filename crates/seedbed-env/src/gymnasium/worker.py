@@ -463,8 +463,10 @@ def maker_of(config: dict[str, Any]) -> tuple[Callable[[], Environment], Path | 
     kwargs, limit = dict(config.get("kwargs") or {}), config.get("time_limit")
     file, _, name = config["id"].rpartition(":")
     function = function_of(Path(file), name) if file.endswith(".py") else None
-    if config.get("render") and (function is None or takes_render_mode(function)):
-        kwargs.setdefault("render_mode", "rgb_array")
+    if config.get("render"):
+        draw_without_screen()
+        if function is None or takes_render_mode(function):
+            kwargs.setdefault("render_mode", "rgb_array")
     if function is not None:
         return partial(call, function, kwargs, limit), Path(file)
     if limit is not None:
@@ -491,6 +493,13 @@ def function_of(path: Path, name: str) -> Callable[..., Any]:
         help = f"choose one of its functions: {', '.join(own)}" if own else None
         raise Failure("unknown_id", f"{path} has no function `{name}`", help)
     return functions[name]
+
+
+def draw_without_screen() -> None:
+    """MuJoCo and pygame look at these variables when they are imported."""
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        os.environ.setdefault("MUJOCO_GL", "egl")
+        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 
 def takes_render_mode(function: Callable[..., Any]) -> bool:
@@ -597,12 +606,12 @@ def amount(result: Any) -> str:
     return f"{len(result)} values" if isinstance(result, tuple) else text_of(result)
 
 
-def number(value: Any, place: str) -> float:
+def number(value: Any, place: str, kind: str = "shape") -> float:
     array = None
     with contextlib.suppress(Exception):
         array = np.asarray(value)
     if array is None or array.size != 1 or array.dtype.kind not in "fiub":
-        raise Failure("shape", f"{place} is {text_of(value)}, expected a number")
+        raise Failure(kind, f"{place} is {text_of(value)}, expected a number")
     return float(array.reshape(()))
 
 
@@ -610,11 +619,11 @@ def write_info(info: Any, names: list[str], row: Numbers, is_reset: bool) -> Non
     """Writes entries of an info into a row. After a reset, those that only steps have are NaN."""
     for column, name in enumerate(names):
         if name in info:
-            row[column] = number(info[name], f"`{name}` of info")
+            row[column] = number(info[name], f"`{name}` of info", "info")
         elif is_reset:
             row[column] = math.nan
         else:
-            raise Failure("shape", f"info of a step has no `{name}`, only: {', '.join(map(str, info)) or 'nothing'}")
+            raise Failure("info", f"info of a step has no `{name}`, only: {', '.join(map(str, info)) or 'nothing'}")
 
 
 def answer_memory(tag: bytes, count: int, more: int) -> tuple[memoryview[int], Numbers]:
@@ -701,6 +710,7 @@ def probe(environments: Environments, steps: int, seed: int, seeds: int) -> dict
     player = Player(environments.make, environments.observations, environments.actions)
     measured = player.measure(steps, seed)
     difference = player.difference(seed, seeds)
+    player.check_info(environments.log_info, seed)
     return {**measured, "reproducible": difference is None, "difference": difference}
 
 
@@ -750,6 +760,16 @@ class Player:
             self.observations.write(result[0], row)
             status = TERMINATED if result[2] else TRUNCATED if result[3] else RUNNING
             return row, number(result[1], "the reward"), status
+
+    def check_info(self, names: list[str], seed: int) -> None:
+        """Fails if a step has no info with these names."""
+        environment, row = self.make(), np.zeros(len(names))
+        with failing_as("step"):
+            checked_reset(environment, seed)
+            result = environment.step(next(self.random_actions(seed)))
+            check_step(result)
+        write_info(result[4], names, row, is_reset=False)
+        close(environment)
 
     def episode(self, environment: Environment, seed: int, max_steps: int) -> list[Step]:
         """An episode with random actions. The seed determines them and the reset."""

@@ -194,6 +194,11 @@ impl Worker {
         Ok(&self.buffer)
     }
 
+    /// The payload that was received last.
+    pub(super) fn payload(&self) -> &[u8] {
+        &self.buffer
+    }
+
     /// Reads a frame into the buffer.
     fn receive_frame(&mut self, expected: u8, deadline: Instant) -> Result<(), WorkerError> {
         let mut header = [0; HEADER];

@@ -17,7 +17,7 @@ pub use self::round_failure::{NonFinite, RoundFailure};
 use super::asynchronous::AsyncRollout;
 use super::episode_warning::EpisodeWarning;
 use super::rollout::CopyGroup;
-use crate::run::facts::BodyTrajectory;
+use crate::run::facts::EpisodeDetails;
 use crate::run::measures::{Measures, RoundRows};
 use crate::scenario::recording::SceneSettings;
 use crate::scenario::{Schedule, Stop, Threshold};
@@ -99,7 +99,7 @@ pub struct Round {
     /// Episodes for which nothing was computed may be missing.
     pub step_data: Vec<StepData>,
     /// The recorded bodies.
-    pub body_trajectories: Vec<BodyTrajectory>,
+    pub details: Vec<EpisodeDetails>,
 }
 
 impl Trainer {

@@ -2,7 +2,7 @@
 
 use super::round_failure::{RoundFailure, check_episode};
 use super::{Round, Trainer, local_agents, newest_episodes};
-use crate::run::facts::BodyTrajectory;
+use crate::run::facts::EpisodeDetails;
 use crate::run::ranks::Ranks;
 use crate::run::training::agreement;
 use crate::run::training::asynchronous::{AsyncConfig, AsyncRollout};
@@ -26,18 +26,18 @@ impl Trainer {
     /// An observation, a reward or a network's parameters are not finite, or an environment cannot go on.
     pub fn advance(&mut self) -> Result<Round, RoundFailure> {
         self.forget_old_episodes();
-        let (updates, body_trajectories) = match self.settings.schedule {
+        let (updates, details) = match self.settings.schedule {
             Schedule::Synchronous { .. } | Schedule::Lockstep { .. } => {
                 let played = self.play_together(RemoteRounds::new(Ranks::SINGLE))?;
                 self.note_warnings(played.warnings);
                 let updates = self.learn_from(played.episodes.into())?;
-                (updates, played.body_trajectories)
+                (updates, played.details)
             }
             Schedule::Asynchronous { training } => {
                 self.advance_asynchronously(training.env_steps)?
             }
         };
-        Ok(self.finish_measured(updates, body_trajectories))
+        Ok(self.finish_measured(updates, details))
     }
 
     /// Begins a round of concurrent episodes in the copies of a shared world from `first_copy` on.
@@ -52,7 +52,7 @@ impl Trainer {
         let plan = RoundPlan {
             run_seed: self.settings.run_seed,
             round: self.round,
-            episodes: episodes_per_round(self.settings.schedule),
+            episodes: self.settings.schedule.episodes_per_round(),
             scene: None,
         };
         GroupRound::begin(environment, agents, first_copy, plan)
@@ -86,7 +86,7 @@ impl Trainer {
         let played = rollout::collect_episodes([round]);
         self.note_warnings(played.warnings);
         let updates = self.learn_from(played.episodes.into())?;
-        Ok(self.finish_measured(updates, played.body_trajectories))
+        Ok(self.finish_measured(updates, played.details))
     }
 
     /// Removes the episodes that are not needed any more, before a round.
@@ -99,10 +99,10 @@ impl Trainer {
     fn finish_measured(
         &mut self,
         updates: Vec<AgentUpdate>,
-        body_trajectories: Vec<BodyTrajectory>,
+        details: Vec<EpisodeDetails>,
     ) -> Round {
         let agreement = self.bonus_agreement();
-        let round = self.measure_round(updates, body_trajectories, agreement);
+        let round = self.measure_round(updates, details, agreement);
         self.end_round(self.measures_say_done());
         round
     }
@@ -111,7 +111,7 @@ impl Trainer {
     pub(in crate::run::training) fn measure_round(
         &mut self,
         updates: Vec<AgentUpdate>,
-        body_trajectories: Vec<BodyTrajectory>,
+        mut details: Vec<EpisodeDetails>,
         bonus_agreement: Option<f64>,
     ) -> Round {
         let (mut reports, mut step_data) = (Vec::new(), Vec::new());
@@ -124,6 +124,7 @@ impl Trainer {
             step_data.extend(update.step_data);
         }
         step_data.sort_by_key(|data| (data.agent, data.episode));
+        details.sort_by_key(|details| (details.agent, details.episode));
         let episodes = newest_episodes(&self.buffer, self.episodes_before_round);
         let rows = self
             .measures
@@ -131,7 +132,7 @@ impl Trainer {
         Round {
             rows,
             step_data,
-            body_trajectories,
+            details,
         }
     }
 
@@ -166,7 +167,7 @@ impl Trainer {
         let plan = RoundPlan {
             run_seed: self.settings.run_seed,
             round: self.round,
-            episodes: episodes_per_round(self.settings.schedule),
+            episodes: self.settings.schedule.episodes_per_round(),
             scene: self.settings.scene.as_ref(),
         };
         let workers = Workers::new(self.pool.as_ref());
@@ -223,7 +224,7 @@ impl Trainer {
     fn advance_asynchronously(
         &mut self,
         steps_per_update: u32,
-    ) -> Result<UpdatesAndBodies, RoundFailure> {
+    ) -> Result<UpdatesAndDetails, RoundFailure> {
         let scene = self.settings.scene.clone();
         let config = AsyncConfig {
             run_seed: self.settings.run_seed,
@@ -234,7 +235,7 @@ impl Trainer {
         let count = self.team.agent_count();
         let rollout = self.rollout.take();
         let mut rollout = rollout.unwrap_or_else(|| AsyncRollout::new(config.run_seed, count));
-        let (mut updates, mut body_trajectories) = (Vec::new(), Vec::new());
+        let (mut updates, mut details) = (Vec::new(), Vec::new());
         while self.buffer.episodes_added() < self.episodes_before_round + count as u64 {
             let (environment, team) = (&mut *self.groups[0].environment, &*self.team);
             let played = catch_failure(|| rollout.play(environment, team, &config));
@@ -246,7 +247,7 @@ impl Trainer {
             self.note_warnings(ended.warnings);
             let agents: Vec<u32> = ended.episodes.iter().map(|episode| episode.agent).collect();
             self.add_to_buffer(ended.episodes.into())?;
-            body_trajectories.extend(ended.body_trajectories);
+            details.extend(ended.details);
             let mut learners = Vec::new();
             for agent in agents {
                 let total = self.buffer.episodes_added();
@@ -258,7 +259,7 @@ impl Trainer {
             updates.extend(newest);
         }
         self.rollout = Some(rollout);
-        Ok((updates, body_trajectories))
+        Ok((updates, details))
     }
 
     /// Checks episodes that ended in the same step, and adds them to the shared buffer.
@@ -339,13 +340,5 @@ impl Trainer {
     }
 }
 
-/// The updates of a round in the order in which agents learned, and the recorded bodies.
-type UpdatesAndBodies = (Vec<AgentUpdate>, Vec<BodyTrajectory>);
-
-/// Number of episodes that each agent plays in a round in which all agents begin together.
-fn episodes_per_round(schedule: Schedule) -> u32 {
-    match schedule {
-        Schedule::Synchronous { episodes } => episodes.get(),
-        Schedule::Lockstep { .. } | Schedule::Asynchronous { .. } => 1,
-    }
-}
+/// The updates of a round in the order in which agents learned, and what is recorded beside its episodes.
+type UpdatesAndDetails = (Vec<AgentUpdate>, Vec<EpisodeDetails>);

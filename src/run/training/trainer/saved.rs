@@ -48,8 +48,17 @@ impl Trainer {
         };
         let bytes = postcard::to_stdvec(&saved).expect("plain data always serializes");
         // Behind everything else: checkpoints of earlier versions end here.
+        let to_extend = "plain data always serializes";
+        if !self.spec.info.is_empty() {
+            let info = self
+                .rollout
+                .as_ref()
+                .map(AsyncRollout::info)
+                .unwrap_or_default();
+            return postcard::to_extend(&info, bytes).expect(to_extend);
+        }
         self.physics_warning.iter().fold(bytes, |bytes, warning| {
-            postcard::to_extend(warning, bytes).expect("plain data always serializes")
+            postcard::to_extend(warning, bytes).expect(to_extend)
         })
     }
 
@@ -63,16 +72,23 @@ impl Trainer {
         type SavedTrainer = Saved<SharedBuffer, Option<AsyncRollout>, Measures>;
         let (saved, rest): (SavedTrainer, &[u8]) =
             postcard::take_from_bytes(bytes).map_err(|error| error.to_string())?;
-        self.physics_warning = if rest.is_empty() {
-            None
-        } else {
-            Some(postcard::from_bytes(rest).map_err(|error| error.to_string())?)
-        };
+        let message = |error: postcard::Error| error.to_string();
+        let (mut info, mut rollout) = (Vec::new(), saved.rollout);
+        self.physics_warning = None;
+        // Environments of Gymnasium have no physics of ours, and only they have `info`.
+        if !self.spec.info.is_empty() {
+            info = postcard::from_bytes(rest).map_err(message)?;
+        } else if !rest.is_empty() {
+            self.physics_warning = Some(postcard::from_bytes(rest).map_err(message)?);
+        }
+        if let Some(rollout) = &mut rollout {
+            rollout.set_info(info);
+        }
         self.restore_copies(&saved.copies)?;
         self.team.restore(&saved.team)?;
         self.buffer = saved.buffer;
         self.episodes_before_round = saved.recorded;
-        self.rollout = saved.rollout;
+        self.rollout = rollout;
         self.measures = saved.measures;
         self.round = saved.round;
         self.is_done = self.measures_say_done();

@@ -28,6 +28,7 @@ pub(super) fn spec() -> TaskSpec {
         control_step: 0.1,
         time_limit: 10,
         reward_threshold: None,
+        info: Vec::new(),
     }
 }
 
