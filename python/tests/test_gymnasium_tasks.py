@@ -205,6 +205,60 @@ class TestFaults:
         assert len(rows) == 1 + 3 * 12
         call(program, "evaluate", "run", "--episodes", "1")
 
+    @pytest.mark.parametrize(
+        ("kwargs", "expected"),
+        [
+            ('"fault": "nan"', "step 3 after reset(seed=2), action [2.0, 1.0]: the observation `place_0` is nan"),
+            ('"fault": "raise"', "step 3 after reset(seed=2), action [2.0, 1.0]: ValueError: the motor is on fire"),
+        ],
+    )
+    def test_faults_in_the_random_steps_before_a_run_are_located(self, lab: Path, program: str, kwargs: str, expected: str) -> None:
+        path = scenario(lab, f'Gymnasium(id: "foreign.py:faulty", kwargs: {{{kwargs}}}, time_limit: 20)')
+        error = call(program, "check", path, status=2).stderr
+        place = error.split("the environment fails: ")[1].splitlines()[0]
+        assert place.split("action")[0] == expected.split("action")[0] and place.split("]: ")[1] == expected.split("]: ")[1]
+
+    def test_hanging_and_ended_workers_name_the_steps_that_they_were_in(self, lab: Path, program: str) -> None:
+        environment = 'Gymnasium(id: "foreign.py:faulty", kwargs: {"fault": "die", "after": 12}, time_limit: 20, probe_steps: 20)'
+        error = call(program, "run", scenario(lab, environment, stop="Episodes(16)"), "--out", "run", status=1).stderr
+        assert error.count("step 3 after reset(seed=") >= 1 and "action [" in error
+
+    def test_a_run_that_cannot_begin_deletes_nothing(self, lab: Path, program: str) -> None:
+        path = scenario(lab, '"stored"', stop="Episodes(2)")
+        (lab / "envs").mkdir()
+        (lab / "envs/stored.ron").write_text(f"{CARTPOLE}\n")
+        call(program, "run", path, "--out", "run")
+        shutil.copy(lab / "run/envs/stored.ron", lab / "envs/stored.ron")
+        call(program, "run", path, "--out", "run", "--overwrite", "--python", "/bin/false", status=1)
+        call(program, "evaluate", "run", "--episodes", "1")
+
+    def test_a_changed_python_file_is_another_task(self, lab: Path, program: str) -> None:
+        path = scenario(lab, '"mine"', stop="Episodes(6)")
+        (lab / "envs").mkdir()
+        call(program, "new", "task", "mine", "--env", "gymnasium:foreign.py:drawn")
+        call(program, "run", path, "--out", "run", "--abort-after-rounds", "2", status=-signal.SIGABRT)
+        (lab / "foreign.py").write_text((lab / "foreign.py").read_text() + "# changed\n")
+        for arguments in [("check", path), ("run", path, "--out", "run", "--overwrite")]:
+            error = call(program, *arguments, status=2).stderr
+            assert "`../foreign.py` has changed since `found` was written" in error and "remove the field `found`" in error
+        task = (lab / "envs/mine.ron").read_text()
+        (lab / "envs/mine.ron").write_text(task.split("    found:")[0] + ")\n")
+        error = call(program, "run", path, "--out", "run", "--resume", status=1).stderr
+        assert "the Python file of `mine` has changed" in error and "--other-versions" in error
+        call(program, "run", path, "--out", "run", "--resume", "--other-versions")
+
+    def test_a_new_task_without_a_time_limit_gets_one(self, lab: Path, program: str) -> None:
+        made = call(program, "new", "task", "mine", "--env", "gymnasium:foreign.py:awkward")
+        assert "says no time limit" in made.stderr and "time_limit: Some(1000)" in (lab / "envs/mine.ron").read_text()
+        call(program, "check", "envs/mine.ron")
+
+    def test_agents_and_episodes_of_replays_are_named(self, lab: Path, program: str) -> None:
+        environment = 'Gymnasium(id: "foreign.py:faulty", kwargs: {"fault": "raise", "after": 0}, time_limit: 20, probe_steps: 1)'
+        path = scenario(lab, environment.replace('"after": 0', '"after": 12'), stop="Episodes(4)")
+        call(program, "run", path, "--out", "run")
+        error = call(program, "evaluate", "run", "--episodes", "20", status=1).stderr
+        assert ", episode 12: environment" in error
+
     def test_workers_end_with_the_program(self, lab: Path, program: str) -> None:
         environment = 'Gymnasium(id: "foreign.py:awkward", kwargs: {"slow": 0.02}, time_limit: 30, workers: 2, probe_steps: 30)'
         path = scenario(lab, environment, stop="Episodes(100000)")

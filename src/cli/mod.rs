@@ -59,7 +59,7 @@ use seedbed::run::RunError;
 use seedbed::run::folder::RunFolder;
 use seedbed::run::folder::checksums::Checksums;
 use seedbed::text::{pluralize, terminal};
-use seedbed_env::gymnasium::set_python;
+use seedbed_env::gymnasium::{set_notice, set_python};
 use seedbed_input::InputError;
 
 /// Train teams of reinforcement learning agents that explore in coordination, and record every
@@ -464,6 +464,7 @@ enum CliError {
 pub(crate) fn main() -> ExitCode {
     let cli = arguments::parse();
     interruption::handle();
+    set_notice(|text| note!("note       {text}"));
     if let Some(python) = &cli.python {
         set_python(python);
     }

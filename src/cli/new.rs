@@ -2,10 +2,11 @@
 
 use std::fs::{self, OpenOptions};
 use std::io::{ErrorKind, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use super::{CliError, NewArgs, NewKind};
 use seedbed::input_files::{self, Directory};
+use seedbed_env::gymnasium::{self, ADD_TIME_LIMIT};
 
 const TASK: &str = include_str!("templates/task.ron");
 const SCENARIO: &str = include_str!("templates/scenario.ron");
@@ -62,7 +63,7 @@ pub(super) fn new(args: &NewArgs) -> Result<(), CliError> {
             let environment = args.environment.as_deref().unwrap_or("cartpole");
             let folder = nearest(Directory::Scenarios);
             let environment = if let Some(id) = environment.strip_prefix(GYMNASIUM) {
-                format!("Gymnasium(id: {id:?})")
+                format!("Gymnasium(id: {:?})", id_from(&folder, id))
             } else {
                 check_exists(environment, Directory::Environments)?;
                 format!("{environment:?}")
@@ -89,12 +90,51 @@ fn new_task(args: &NewArgs) -> Result<NewFile, CliError> {
             "--env {environment}: expected `{GYMNASIUM}ID` for a new task, such as `{GYMNASIUM}CartPole-v1`"
         )));
     };
-    let text = format!("Gymnasium(id: {id:?})\n");
-    let (_, text) = seedbed_env::gymnasium::parse(&args.name, "--env", &folder, &text)?;
+    let id = id_from(&folder, id);
+    let parse = |settings: &str| {
+        let text = format!("Gymnasium(id: {id:?}{settings})\n");
+        gymnasium::parse(&args.name, "--env", &folder, &text)
+    };
+    let (_, text) = match parse("") {
+        Err(error) if error.help.as_deref() == Some(ADD_TIME_LIMIT) => {
+            note!(
+                "note       the environment says no time limit: change `time_limit: 1000` if its episodes may be longer"
+            );
+            parse(", time_limit: 1000")?
+        }
+        parsed => parsed?,
+    };
     Ok(NewFile {
         path: folder.join(format!("{}.ron", args.name)),
         text,
     })
+}
+
+/// The id of an environment as a file in `folder` names it: a Python file is looked up from the working directory
+/// first.
+fn id_from(folder: &Path, id: &str) -> String {
+    let Some((file, function)) = id.rsplit_once(':') else {
+        return id.to_owned();
+    };
+    let is_here =
+        Path::new(file).extension().is_some_and(|it| it == "py") && Path::new(file).is_file();
+    match relative_from(folder, Path::new(file)) {
+        Some(path) if is_here => format!("{}:{function}", path.display()),
+        _ => id.to_owned(),
+    }
+}
+
+/// The path of a file relative to a directory, both relative to the working directory.
+fn relative_from(folder: &Path, file: &Path) -> Option<PathBuf> {
+    let [folder, file] = [folder, file].map(|path| std::path::absolute(path).ok());
+    let (folder, file) = (folder?, file?);
+    let shared = folder.components().zip(file.components());
+    let shared = shared.take_while(|(one, other)| one == other).count();
+    let up = folder
+        .components()
+        .skip(shared)
+        .map(|_| Component::ParentDir);
+    Some(up.chain(file.components().skip(shared)).collect())
 }
 
 fn task(folder: &Path, name: &str) -> NewFile {

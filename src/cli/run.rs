@@ -102,7 +102,7 @@ fn options(args: &RunArgs, folder: RunFolder, ranks: Ranks) -> Options {
 fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
     let prepared = load(args, ranks).and_then(|(experiment, folder)| {
         let live = live_target(args, &*experiment)?;
-        let lock = prepare_output_folder(args, &folder)?;
+        let lock = prepare_output_folder(args, &*experiment, &folder)?;
         Ok((experiment, folder, live, lock))
     });
     let (experiment, folder, live, lock) = ranks.agree(prepared)?;
@@ -138,7 +138,11 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
             lock.remove().map_err(|error| {
                 CliError::Runtime(format!("the run is finished, but seedbed {error}"))
             })?;
-            if !args.quiet {
+            if args.quiet {
+                if let Some(warning) = experiment.repeatability_warning() {
+                    note!("warning: {warning}");
+                }
+            } else {
                 print_report(args, &*experiment, &report, &options, seconds);
                 print_exchanged(&exchanged, seconds);
                 let waited = time_waited().saturating_sub(waited_before);
@@ -317,7 +321,11 @@ fn command_without_recording() -> String {
 
 /// Locks the output directory for this process, and clears it unless the run is resumed. An error
 /// if a run would be overwritten without `--overwrite`.
-fn prepare_output_folder(args: &RunArgs, folder: &RunFolder) -> Result<FileLock, CliError> {
+fn prepare_output_folder(
+    args: &RunArgs,
+    experiment: &dyn Experiment,
+    folder: &RunFolder,
+) -> Result<FileLock, CliError> {
     let elsewhere = if args.out.is_some() {
         "another --out"
     } else {
@@ -336,6 +344,8 @@ fn prepare_output_folder(args: &RunArgs, folder: &RunFolder) -> Result<FileLock,
         note!("{}", warning_without_locks(folder.path()));
     }
     if !args.resume && contents != Contents::Nothing {
+        // Nothing is deleted for a run that cannot begin.
+        experiment.check_start()?;
         let cleared = folder.clear();
         cleared.map_err(|error| cannot_write_to(&path, &error))?;
         warn_of_other_files(folder);

@@ -89,6 +89,14 @@ pub trait Experiment: Debug + Send + Sync {
         None
     }
 
+    /// Whether runs can begin, as far as it depends on other programs.
+    ///
+    /// # Errors
+    /// An environment of Gymnasium cannot be made.
+    fn check_start(&self) -> Result<(), RunError> {
+        Ok(())
+    }
+
     /// Whether its agents have networks, which are saved at the end of a run.
     fn has_networks(&self) -> bool {
         true

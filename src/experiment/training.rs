@@ -91,6 +91,13 @@ impl Experiment for Plan {
         gymnasium.repeatability_warning()
     }
 
+    fn check_start(&self) -> Result<(), RunError> {
+        match self.description.gymnasium() {
+            Some(task) => Ok(task.check_start().map_err(RoundFailure::from)?),
+            None => Ok(()),
+        }
+    }
+
     /// Rounds of which each agent learns from the episodes of all agents have K² such pairs.
     fn round_cost_note(&self) -> Option<String> {
         const MIN_MINUTES: f64 = 0.5;
@@ -444,7 +451,7 @@ fn no_signal_hint(summary: &Summary, episodes: &Path) -> Option<String> {
     let is_suspicious = count >= min_count && summary.episodes_until_solved.is_none();
     is_suspicious.then(|| {
         format!(
-            "all {count} returns are {value}: agents had nothing to learn from; \
+            "all {count} returns are {value}: agents had nothing to learn from, except bonuses if they have any; \
              docs/learning_problems.md says what to change"
         )
     })

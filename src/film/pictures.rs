@@ -127,7 +127,7 @@ fn take_of_episode(
     for &shown in shown {
         while played < shown.state {
             let action = &episode.actions[played * width..][..width];
-            let observation = source.step(action).map_err(reason)?;
+            let observation = source.step(action).map_err(|failure| reason(&failure))?;
             if states
                 .next()
                 .is_none_or(|recorded| differs(recorded, observation))
@@ -136,7 +136,7 @@ fn take_of_episode(
             }
             played += 1;
         }
-        pictures.insert(shown, reduced(source).map_err(reason)?);
+        pictures.insert(shown, reduced(source).map_err(|failure| reason(&failure))?);
     }
     Ok(())
 }
@@ -159,7 +159,7 @@ fn begin(
     let first_state = episode.states().next().unwrap_or_default();
     let in_round = episode.episode % episodes_per_round.max(1);
     for seed in [seed(episode.round, in_round), seed(0, episode.episode)] {
-        let observation = source.reset(seed).map_err(reason)?;
+        let observation = source.reset(seed).map_err(|failure| reason(&failure))?;
         if !differs(first_state, observation) {
             return Ok(());
         }
@@ -168,8 +168,11 @@ fn begin(
 }
 
 /// What went wrong, without Python's traceback.
-fn reason(failure: EnvironmentFailure) -> String {
-    let lines = failure.message.lines().filter(|line| !line.starts_with("    "));
+fn reason(failure: &EnvironmentFailure) -> String {
+    let lines = failure
+        .message
+        .lines()
+        .filter(|line| !line.starts_with("    "));
     lines.collect::<Vec<_>>().join("\n")
 }
 

@@ -12,7 +12,7 @@ mod settings;
 mod tree;
 
 pub use replace::{UnknownField, opening, replace};
-pub use settings::{Difference, SCHEMA_VERSION, Settings};
+pub use settings::{Difference, SCHEMA_VERSION, Settings, sha256};
 pub use tree::{Field, Malformed, Node, Tree, Value};
 
 #[cfg(doctest)]

@@ -30,6 +30,16 @@ pub struct Difference {
     pub second: Option<String>,
 }
 
+/// SHA-256 in hexadecimal digits, as `sha256sum` prints it.
+#[must_use]
+pub fn sha256(bytes: &[u8]) -> String {
+    let mut digits = String::with_capacity(64);
+    for byte in Sha256::digest(bytes) {
+        let _ = write!(digits, "{byte:02x}");
+    }
+    digits
+}
+
 impl Settings {
     /// All values of a RON text.
     ///
@@ -163,11 +173,7 @@ impl Settings {
     #[must_use]
     pub fn digest(&self, former_names: &[(&str, &str)]) -> String {
         let text = format!("settings {SCHEMA_VERSION}\n{}", self.text(former_names));
-        let mut digits = String::with_capacity(64);
-        for byte in Sha256::digest(text) {
-            let _ = write!(digits, "{byte:02x}");
-        }
-        digits
+        sha256(text.as_bytes())
     }
 
     /// What differs from other settings, in the order of paths.

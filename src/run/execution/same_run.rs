@@ -6,6 +6,9 @@ use crate::run::folder;
 use crate::run::plan::Plan;
 use seedbed_settings::{Difference, Settings};
 
+/// The setting that says which Python file has the environment of a task.
+const SOURCE: &str = "found.source_sha256";
+
 /// Checks that the folder contains a run of this plan. `stop` may differ, so that a run can be
 /// extended.
 pub(super) fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
@@ -25,12 +28,26 @@ pub(super) fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunEr
             )
         },
     )?;
-    let settings = seedbed_env::task_settings;
+    // Whoever mends the Python file of an environment may go on with it.
+    let settings = |text: &str| {
+        let settings = seedbed_env::task_settings(text);
+        if options.other_versions {
+            settings.without(SOURCE)
+        } else {
+            settings
+        }
+    };
     let task = &plan.description.spec().name;
     check_equal(
         &settings(&task_text),
         &settings(&plan.environment_text),
         |stored, planned| {
+            if stored.contains(SOURCE) {
+                return format!(
+                    "the Python file of `{task}` has changed since the run in {run} began; resume it with the changed \
+                     file with `--other-versions`"
+                );
+            }
             format!(
                 "the task `{task}` has changed since the run in {run} began: it had {stored}, it has {planned}"
             )

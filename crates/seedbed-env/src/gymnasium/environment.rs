@@ -60,6 +60,9 @@ struct SavedCopy {
     observation: Vec<f32>,
 }
 
+/// Number of copies whose step is described if it is not known which of a worker's failed.
+const MAX_NAMED_COPIES: usize = 4;
+
 impl GymnasiumEnvironment {
     pub(crate) fn new(task: &GymnasiumTask, copies: usize, workers: usize) -> Self {
         Self {
@@ -101,7 +104,7 @@ impl GymnasiumEnvironment {
     }
 
     /// Starts all workers at the same time, unless they run.
-    fn start_workers(&mut self) {
+    pub(super) fn start_workers(&mut self) {
         if !self.workers.is_empty() {
             return;
         }
@@ -258,9 +261,18 @@ impl GymnasiumEnvironment {
     /// The step that failed, for people.
     fn describe_step(&self, error: &WorkerError, index: usize) -> String {
         let copies = &self.workers[index].copies;
-        let Some(copy) = error.copy().map(|copy| copies.start + copy) else {
-            return format!("step of copies {} to {}", copies.start, copies.end - 1);
-        };
+        if let Some(copy) = error.copy() {
+            return self.describe_step_of(copies.start + copy);
+        }
+        let playing = copies
+            .clone()
+            .filter(|&copy| self.statuses[copy] == Status::Running);
+        let steps = playing.map(|copy| self.describe_step_of(copy));
+        let steps: Vec<String> = steps.take(MAX_NAMED_COPIES).collect();
+        steps.join(", or ")
+    }
+
+    fn describe_step_of(&self, copy: usize) -> String {
         let width = self.task.spec.action_width();
         let PlayedEpisode { seed, steps, .. } = self.episodes[copy];
         let action = &self.actions[copy * width..][..width];

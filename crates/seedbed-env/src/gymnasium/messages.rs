@@ -104,8 +104,6 @@ pub(super) struct Probe {
     pub(super) ranges: Vec<[Option<f64>; 2]>,
     /// How an episode in a used environment differs from one in a new environment.
     pub(super) difference: Option<String>,
-    /// Whether the only episode has not ended.
-    pub(super) unfinished: bool,
 }
 
 /// An error of Python.

@@ -16,6 +16,7 @@ mod found;
 mod messages;
 #[cfg(not(unix))]
 mod no_worker;
+mod notice;
 mod pictures;
 mod python;
 mod task;
@@ -30,9 +31,10 @@ use self::no_worker as worker;
 pub use self::failure::{EnvironmentFailure, catch_failure};
 pub use self::file::{DiscreteObservations, GymnasiumFile, is_complete};
 pub use self::found::{Found, FoundAction, FoundObservation};
+pub use self::notice::set_notice;
 pub use self::pictures::{PictureSource, PictureTaken};
 pub use self::python::{python, set_python};
-pub use self::task::{GymnasiumTask, parse};
+pub use self::task::{ADD_TIME_LIMIT, GymnasiumTask, parse};
 pub use self::waiting::time_waited;
 
 pub(crate) use self::environment::GymnasiumEnvironment;

@@ -5,16 +5,19 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use super::failure::EnvironmentFailure;
+use super::environment::GymnasiumEnvironment;
+use super::failure::{EnvironmentFailure, catch_failure};
 use super::file::{DiscreteObservations, GymnasiumFile};
 use super::found::{Found, FoundAction};
 use super::messages::{Configuration, Description, Probe, ProbeRequest, Request};
+use super::notice::with_notice;
 use super::worker::Worker;
 use super::worker_error::WorkerError;
 use crate::{Action, Quantity, TaskSpec};
 use seedbed_input::edit::to_ron_string;
 use seedbed_input::numbers::{Count, FiniteNumber};
 use seedbed_input::{InputError, Located, ValidationError, nearest_name};
+use seedbed_settings::sha256;
 
 /// A task of Gymnasium.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +31,9 @@ pub struct GymnasiumTask {
     /// Folder from which paths begin, and in which Python looks for modules.
     folder: PathBuf,
 }
+
+/// Help for environments that say no time limit.
+pub const ADD_TIME_LIMIT: &str = "add `time_limit: 1000`";
 
 /// How many episodes of a probe are played twice.
 const REPEATED_EPISODES: u32 = 3;
@@ -49,8 +55,9 @@ impl GymnasiumTask {
             let message = "expected arguments that JSON can express: numbers, texts, lists, maps";
             return Err(file.kwargs.error(message));
         }
-        if file.found.is_none() {
-            file.found = Some(ask(&file, folder)?);
+        match &file.found {
+            None => file.found = Some(ask(&file, folder)?),
+            Some(found) => check_source(&file, found, folder)?,
         }
         Ok(Self {
             origin: origin.to_owned(),
@@ -139,6 +146,14 @@ impl GymnasiumTask {
         }))
     }
 
+    /// Starts one copy, to see whether runs can begin.
+    ///
+    /// # Errors
+    /// The environment cannot be made, or is another one than when the task was read.
+    pub fn check_start(&self) -> Result<(), EnvironmentFailure> {
+        catch_failure(|| GymnasiumEnvironment::new(self, 1, 1).start_workers())
+    }
+
     /// Number of worker processes for `copies` copies on `threads` threads.
     pub(crate) fn worker_count(&self, copies: usize, threads: usize) -> usize {
         let asked = self.file.workers.map(|count| count.get() as usize);
@@ -159,8 +174,8 @@ impl GymnasiumTask {
         let source = description.source.as_ref().map(|source| &source.sha256);
         if found.source_sha256.is_some() && source != found.source_sha256.as_ref() {
             return Some(
-                "its Python file has changed since the task was read; with `found` removed from the \
-                 task's file, it is another task"
+                "its Python code has changed since `found` was written into the task's file; remove that field, so \
+                 that Python is asked again. Results of before are those of another task"
                     .to_owned(),
             );
         }
@@ -192,6 +207,21 @@ pub fn parse(
         task.text()
     };
     Ok((task, text))
+}
+
+/// An error if the Python file of the task is another one than that of which `found` tells.
+fn check_source(file: &GymnasiumFile, found: &Found, folder: &Path) -> Result<(), ValidationError> {
+    let (Some((path, _)), Some(expected)) = (file.function(), &found.source_sha256) else {
+        return Ok(());
+    };
+    // A file that cannot be read is reported when the environment is made.
+    let source = std::fs::read(folder.join(path)).ok();
+    if source.is_none_or(|source| sha256(&source) == *expected) {
+        return Ok(());
+    }
+    let message = format!("`{}` has changed since `found` was written", path.display());
+    let help = "remove the field `found`, so that Python is asked again; results of before are those of another task";
+    Err(file.id.error(message).with_help(help))
 }
 
 fn configuration(file: &GymnasiumFile, folder: &Path, copies: usize) -> Configuration {
@@ -240,24 +270,26 @@ fn ask_worker(
     configuration: &Configuration,
 ) -> Result<Found, ValidationError> {
     let timeout = Duration::from_secs_f64(file.step_timeout.get());
-    let asked = Worker::start(configuration, timeout).and_then(|(mut worker, description)| {
+    let (mut worker, description) =
+        Worker::start(configuration, timeout).map_err(|error| located(file, &error))?;
+    if file.time_limit.is_none() && description.time_limit.is_none() {
+        return Err(no_time_limit(file));
+    }
+    let notice = format!(
+        "`{}` plays {} steps with random actions to find the ranges of its observations; fewer with `probe_steps`",
+        file.id.value(),
+        file.probe_steps.get()
+    );
+    let probed = with_notice(notice, || {
         let request = ProbeRequest {
             steps: file.probe_steps.get(),
             seed: 0,
             seeds: REPEATED_EPISODES,
         };
         worker.allow(timeout * request.steps);
-        let probe: Probe = worker.ask(Request::Probe, &request)?;
-        Ok((description, probe))
+        worker.ask(Request::Probe, &request)
     });
-    let (description, probe) = asked.map_err(|error| located(file, &error))?;
-    if probe.unfinished && description.time_limit.is_none() {
-        let message = format!(
-            "an episode with random actions does not end within {} steps, and the environment has no time limit",
-            file.probe_steps.get()
-        );
-        return Err(file.id.error(message).with_help("add `time_limit: 1000`"));
-    }
+    let probe: Probe = probed.map_err(|error| located(file, &error))?;
     Found::new(description, &probe).map_err(|message| file.id.error(message))
 }
 
@@ -274,13 +306,16 @@ fn located(file: &GymnasiumFile, error: &WorkerError) -> ValidationError {
     }
 }
 
+fn no_time_limit(file: &GymnasiumFile) -> ValidationError {
+    let message = "the environment says no time limit; each episode needs one";
+    file.id.error(message).with_help(ADD_TIME_LIMIT)
+}
+
 /// The task as an agent sees it.
 fn spec(name: &str, file: &GymnasiumFile) -> Result<TaskSpec, ValidationError> {
     let found = file.found.as_ref().expect("asked before");
-    let time_limit = file.time_limit.or(found.time_limit).ok_or_else(|| {
-        let message = "the environment has no time limit; each episode needs one";
-        file.id.error(message).with_help("add `time_limit: 1000`")
-    })?;
+    let time_limit = file.time_limit.or(found.time_limit);
+    let time_limit = time_limit.ok_or_else(|| no_time_limit(file))?;
     let actions: Vec<Action> = found.actions.iter().map(action).collect();
     let quantities = quantities(file, found)?;
     Ok(TaskSpec {

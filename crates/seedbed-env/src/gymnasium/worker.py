@@ -725,6 +725,8 @@ class Player:
     observations: Flat
     actions: Actions
     seconds: float = 0.0
+    seed: int = 0
+    steps: int = 0
 
     def make(self) -> Environment:
         with failing_as("make"):
@@ -748,16 +750,36 @@ class Player:
             observation, _ = checked_reset(environment, seed)
             self.seconds += time.perf_counter() - begin
             self.observations.write(observation, row)
+            self.seed, self.steps = seed, 0
+            self.check_finite(row)
         return row, 0.0, RUNNING
+
+    def check_finite(self, row: Numbers) -> None:
+        for name, value in zip(self.observations.names, row, strict=True):
+            if not math.isfinite(value):
+                raise Failure("shape", f"the observation `{name}` is {value}")
+
+    @contextlib.contextmanager
+    def failing_in_step(self, action: Any) -> Iterator[None]:
+        """Failures name the step."""
+        self.steps += 1
+        try:
+            with failing_as("step"):
+                yield
+        except Failure as error:
+            place = f"step {self.steps} after reset(seed={self.seed}), action {np.asarray(action).tolist()}"
+            error.content["message"] = f"{place}: {error.content['message']}"
+            raise
 
     def step(self, environment: Environment, action: Any) -> Step:
         row = np.zeros(len(self.observations.names))
-        with failing_as("step"):
+        with self.failing_in_step(action):
             begin = time.perf_counter()
             result = environment.step(action)
             self.seconds += time.perf_counter() - begin
             check_step(result)
             self.observations.write(result[0], row)
+            self.check_finite(row)
             status = TERMINATED if result[2] else TRUNCATED if result[3] else RUNNING
             return row, number(result[1], "the reward"), status
 
@@ -802,7 +824,6 @@ class Player:
             "steps_per_second": steps / self.seconds,
             "episodes": len(lengths),
             "mean_length": sum(lengths) / len(lengths) if lengths else float(steps),
-            "unfinished": not lengths and time_limit(environment) is None,
         }
 
     def difference(self, seed: int, seeds: int) -> str | None:

@@ -115,6 +115,6 @@ pub(super) fn check_episode(spec: &TaskSpec, episode: &Episode) -> Result<(), Ro
         what,
         value: value.to_string(),
         observation: before.collect::<Vec<_>>().join(", "),
-        place: "check the task's parameters".to_owned(),
+        place: "check what computes it in the task".to_owned(),
     })
 }
