@@ -232,7 +232,7 @@ class TestFaults:
         call(program, "run", path, "--out", "run", "--overwrite", "--python", "/bin/false", status=1)
         call(program, "evaluate", "run", "--episodes", "1")
 
-    def test_a_changed_python_file_is_another_task(self, lab: Path, program: str) -> None:
+    def test_a_changed_python_file_is_found_when_its_task_is_read(self, lab: Path, program: str) -> None:
         path = scenario(lab, '"mine"', stop="Episodes(6)")
         (lab / "envs").mkdir()
         call(program, "new", "task", "mine", "--env", "gymnasium:foreign.py:drawn")
@@ -243,7 +243,7 @@ class TestFaults:
             assert "`../foreign.py` has changed since `found` was written" in error and "remove the field `found`" in error
         task = (lab / "envs/mine.ron").read_text()
         (lab / "envs/mine.ron").write_text(task.split("    found:")[0] + ")\n")
-        error = call(program, "run", path, "--out", "run", "--resume", status=1).stderr
+        error = call(program, "run", path, "--out", "run", "--resume", status=2).stderr
         assert "the Python file of `mine` has changed" in error and "--other-versions" in error
         call(program, "run", path, "--out", "run", "--resume", "--other-versions")
 
@@ -276,7 +276,7 @@ class TestFaults:
         with open("foreign.py", "a") as file:
             file.write("\n# changed\n")
         refused = call(program, "run", path, "--out", "run", "--resume", status=2).stderr
-        assert "source_sha256" in refused
+        assert "the Python file of `awkward` has changed" in refused
 
     def test_other_versions_are_refused_unless_insisted(self, lab: Path, program: str) -> None:
         path = scenario(lab, CARTPOLE)

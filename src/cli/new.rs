@@ -91,6 +91,9 @@ fn new_task(args: &NewArgs) -> Result<NewFile, CliError> {
         )));
     };
     let id = id_from(&folder, id);
+    // Paths that begin with `..` lead nowhere from a directory that does not exist.
+    fs::create_dir_all(&folder)
+        .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", folder.display())))?;
     let parse = |settings: &str| {
         let text = format!("Gymnasium(id: {id:?}{settings})\n");
         gymnasium::parse(&args.name, "--env", &folder, &text)
@@ -104,9 +107,11 @@ fn new_task(args: &NewArgs) -> Result<NewFile, CliError> {
         }
         parsed => parsed?,
     };
+    // The text of a task has its Python file beside it, as in the directory of a run.
+    let beside = id.rsplit(['/', '\\']).next().unwrap_or_default();
     Ok(NewFile {
         path: folder.join(format!("{}.ron", args.name)),
-        text,
+        text: text.replacen(&format!("id: {beside:?}"), &format!("id: {id:?}"), 1),
     })
 }
 
