@@ -32,6 +32,7 @@ use crate::study::design::plan::StudyPlan;
 use crate::study::evaluate::column;
 use crate::study::evaluate::completeness;
 use crate::study::evaluate::results::{CellResults, Results, ResultsError};
+use crate::study::execute::runner::ExpectedResults;
 use crate::study::store::StudyFolder;
 use crate::text::from_spreadsheet_cell;
 use row::Row;
@@ -97,6 +98,7 @@ pub fn is_published(folder: &StudyFolder) -> bool {
 
 /// The rows of published runs, to compare repeated runs with.
 pub struct PublishedRuns {
+    folder: PathBuf,
     /// The study, with its cells but without runs.
     study: Results,
     /// Digests of the cells by their names, as the study file says.
@@ -139,6 +141,7 @@ impl PublishedRuns {
         }
         let cells = plan.cells.iter();
         Ok(Self {
+            folder: folder.path().to_owned(),
             study,
             digests: cells
                 .map(|cell| (cell.name.clone(), cell.digest.clone()))
@@ -146,24 +149,6 @@ impl PublishedRuns {
             columns,
             rows,
         })
-    }
-
-    /// Whether the table has this run.
-    #[must_use]
-    pub fn contains(&self, run: &PlannedRun<'_>) -> bool {
-        self.rows.contains_key(&key_of(run))
-    }
-
-    /// Whether a repeated run has the values of its rows, in all columns of the table. Cells with equal
-    /// settings share the run, and each has a row.
-    #[must_use]
-    pub fn is_reproduced_by(&self, run: &PlannedRun<'_>, outcome: &Outcome) -> bool {
-        let mut cells = self.study.cells.iter().filter(|cell| {
-            let name = &cell.description.name;
-            let shares_run = self.digests.get(name) == Some(&run.cell.digest);
-            shares_run && self.has_row(name, run.run_seed)
-        });
-        self.contains(run) && cells.all(|cell| self.is_same(cell, run.run_seed, outcome))
     }
 
     /// Whether the row of a run has the values of this outcome.
@@ -213,8 +198,30 @@ impl PublishedRuns {
     }
 }
 
-fn key_of(run: &PlannedRun<'_>) -> (String, u64) {
-    (run.cell.name.clone(), run.run_seed)
+impl ExpectedResults for PublishedRuns {
+    fn contains(&self, run: &PlannedRun<'_>) -> bool {
+        self.has_row(&run.cell.name, run.run_seed)
+    }
+
+    /// Visited states are not published.
+    fn windows(&self, _: &PlannedRun<'_>) -> Vec<u32> {
+        Vec::new()
+    }
+
+    /// Whether a repeated run has the values of its rows, in all columns of the table. Cells with equal
+    /// settings share the run, and each has a row.
+    fn is_reproduced_by(&self, run: &PlannedRun<'_>, outcome: &Outcome) -> bool {
+        let mut cells = self.study.cells.iter().filter(|cell| {
+            let name = &cell.description.name;
+            let shares_run = self.digests.get(name) == Some(&run.cell.digest);
+            shares_run && self.has_row(name, run.run_seed)
+        });
+        self.contains(run) && cells.all(|cell| self.is_same(cell, run.run_seed, outcome))
+    }
+
+    fn location(&self, _: &PlannedRun<'_>) -> PathBuf {
+        self.folder.clone()
+    }
 }
 
 /// The places of the columns by their names, and the rows.
