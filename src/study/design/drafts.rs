@@ -333,17 +333,16 @@ impl<'a> CellDraft<'a> {
         let path = scenario_path(folder, place, scenario)?;
         let (places, overrides): (Vec<&Located<String>>, Vec<String>) =
             self.overrides.into_iter().unzip();
-        let experiment =
-            experiment::load(&path, &overrides).map_err(|LoadError { step, error }| {
-                let place = match step {
-                    LoadStep::Read => *place,
-                    LoadStep::Override(index) => places[index],
-                    LoadStep::Check => error_place.unwrap_or(place),
-                };
-                error_at(place, &error)
-            })?;
+        let loaded = experiment::load(&path, &overrides).map_err(|LoadError { step, error }| {
+            let place = match step {
+                LoadStep::Read => *place,
+                LoadStep::Override(index) => places[index],
+                LoadStep::Check => error_place.unwrap_or(place),
+            };
+            error_at(place, &error)
+        })?;
         let name = self.name_parts.join(", ");
-        let runs = ScenarioRuns::new(experiment);
+        let runs = ScenarioRuns::new(loaded.experiment);
         Ok(Cell {
             digest: runs.digest(),
             windows: windows(figures, &name),
