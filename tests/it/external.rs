@@ -14,7 +14,9 @@ use seedbed_stats::means::TwoMeans;
 use seedbed_stats::shares::{Share, TwoShares};
 use seedbed_stats::{Direction, Interval, Verdict, verdict_on_effect};
 
-use super::util::{REPOSITORY, seedbed, stderr, stdout, write_manifest_without_checksum};
+use super::util::{
+    REPOSITORY, seedbed, stderr, stdout, study_arguments, write_manifest_without_checksum,
+};
 
 /// A directory with a study and the files that it names.
 struct Fixture {
@@ -62,7 +64,7 @@ impl Fixture {
     fn study(&self, arguments: &[&str]) -> Output {
         let (study, out) = (self.path("mine.ron"), self.path("out"));
         let paths = [&study, &out].map(|path| path.to_str().unwrap());
-        seedbed(&[&["study", paths[0], "--out", paths[1]], arguments].concat())
+        seedbed(&study_arguments(paths[0], paths[1], arguments))
     }
 
     /// The study must succeed. Returns standard output and standard error.
@@ -426,19 +428,19 @@ fn equal_returns_of_two_runs_are_reported() {
     assert!(printed.contains(expected), "{printed}");
 }
 
-/// Only runs whose files have changed are read again; `--verify` compares the stored results with the
+/// Only runs whose files have changed are read again; `verify` compares the stored results with the
 /// files, and `report` needs no files.
 #[test]
 fn results_are_stored_and_verified() {
     let fixture = Fixture::with_files_of_tools(STUDY_OF_TOOLS);
     fixture.succeed(&[]);
-    let listed = fixture.succeed(&["--list"]);
+    let listed = fixture.succeed(&["list"]);
     assert!(
         listed.contains("     1  finished     run sb3/ppo-1    SB3"),
         "{listed}"
     );
     fixture.append("sb3/ppo-1/monitor.csv", "50.0,1,0.5\n");
-    let listed = fixture.succeed(&["--list"]);
+    let listed = fixture.succeed(&["list"]);
     assert!(
         listed.contains("     1  to run       run sb3/ppo-1    SB3"),
         "{listed}"
@@ -446,7 +448,7 @@ fn results_are_stored_and_verified() {
     assert_eq!(listed.matches("finished").count(), 7);
     fixture.succeed(&[]);
     assert_eq!(fixture.rows()[1]["episodes"], "4");
-    let verified = fixture.succeed(&["--verify"]);
+    let verified = fixture.succeed(&["verify"]);
     assert!(
         verified.contains("8 of 8 repeated runs are bit-identical"),
         "{verified}"
@@ -475,7 +477,7 @@ impl Fixture {
     /// Registers a study before its files exist.
     fn registered() -> Self {
         let fixture = Self::new(REGISTERED);
-        let printed = fixture.succeed(&["--register"]);
+        let printed = fixture.succeed(&["register"]);
         assert!(
             printed.contains(
                 "of others  a: 3 runs; not fixed: run seeds, code, and when the runs were made"
@@ -496,7 +498,7 @@ impl Fixture {
     fn confirmed() -> Self {
         let fixture = Self::registered();
         fixture.write_all_runs();
-        let printed = fixture.succeed(&["--confirm"]);
+        let printed = fixture.succeed(&["confirm"]);
         assert!(printed.contains("6 finished\n"), "{printed}");
         fixture
     }
@@ -510,7 +512,7 @@ fn a_study_is_registered_before_its_results_exist() {
         refused.contains("matches `a/*.csv`; expected a CSV file"),
         "{refused}"
     );
-    let missing = fixture.succeed(&["--confirm"]);
+    let missing = fixture.succeed(&["confirm"]);
     assert!(
         missing.contains("3 of 3 runs of cell `a` are missing."),
         "{missing}"
@@ -520,13 +522,13 @@ fn a_study_is_registered_before_its_results_exist() {
         "{missing}"
     );
     fixture.write_run("a/0.csv", 20.0);
-    let missing = fixture.succeed(&["--confirm"]);
+    let missing = fixture.succeed(&["confirm"]);
     assert!(
         missing.contains("2 of 3 runs of cell `a` are missing."),
         "{missing}"
     );
     fixture.write_all_runs();
-    let confirmed = fixture.succeed(&["--confirm"]);
+    let confirmed = fixture.succeed(&["confirm"]);
     assert!(
         confirmed.contains("6 finished\n") && !confirmed.contains("missing"),
         "{confirmed}"
@@ -553,7 +555,7 @@ fn files_that_existed_at_the_registration_are_not_used() {
     fixture.write_run("a/0.csv", 99.0);
     fixture.write_run("a/1.csv", 98.0);
     fixture.write_run("b/0.csv", 97.0);
-    let printed = fixture.succeed(&["--register"]);
+    let printed = fixture.succeed(&["register"]);
     assert!(
         printed.contains("seen       3 files of results, which `confirm` does not use"),
         "{printed}"
@@ -564,7 +566,7 @@ fn files_that_existed_at_the_registration_are_not_used() {
         fixture.write_run(&format!("a/{number}.csv"), 20.0 + f64::from(number));
         fixture.write_run(&format!("b/{number}.csv"), f64::from(number));
     }
-    let confirmed = fixture.succeed(&["--confirm"]);
+    let confirmed = fixture.succeed(&["confirm"]);
     assert!(confirmed.contains("6 finished\n"), "{confirmed}");
     assert!(
         confirmed.contains(
@@ -589,10 +591,10 @@ fn files_that_existed_at_the_registration_are_not_used() {
         "mine.ron",
         &REGISTERED.replace("smallest: 1", "smallest: 2"),
     );
-    fixture.succeed(&["--register"]);
+    fixture.succeed(&["register"]);
     fs::rename(fixture.path("hidden"), fixture.path("b/9.csv")).unwrap();
     fs::remove_dir_all(fixture.path("out")).unwrap();
-    let confirmed = fixture.succeed(&["--confirm"]);
+    let confirmed = fixture.succeed(&["confirm"]);
     assert!(
         confirmed.contains("runs       0 finished, 6 missing"),
         "{confirmed}"
@@ -607,7 +609,7 @@ fn files_that_existed_at_the_registration_are_not_used() {
 fn more_runs_than_registered_are_refused() {
     let fixture = Fixture::confirmed();
     fixture.write_run("a/3.csv", 100.0);
-    let error = fixture.fail(2, &["--confirm"]);
+    let error = fixture.fail(2, &["confirm"]);
     assert!(
         error.contains(
             "found 4 runs, expected 3: which of them count must not depend on their results"
@@ -620,7 +622,7 @@ fn more_runs_than_registered_are_refused() {
 fn a_changed_run_is_reported() {
     let fixture = Fixture::confirmed();
     fixture.write_run("a/1.csv", 100.0);
-    let printed = fixture.fail(1, &["--confirm"]);
+    let printed = fixture.fail(1, &["confirm"]);
     let expected =
         "not confirmed: The run `a/1.csv` of cell `a` was changed after it had been read.";
     assert!(printed.contains(expected), "{printed}");
@@ -630,7 +632,7 @@ fn a_changed_run_is_reported() {
     );
     // It stays reported when it is changed back.
     fixture.write_run("a/1.csv", 21.0);
-    assert!(fixture.fail(1, &["--confirm"]).contains(expected));
+    assert!(fixture.fail(1, &["confirm"]).contains(expected));
 }
 
 #[test]
@@ -639,7 +641,7 @@ fn a_run_that_was_moved_to_another_cell_is_reported() {
     fs::rename(fixture.path("a/0.csv"), fixture.path("x")).unwrap();
     fs::rename(fixture.path("b/0.csv"), fixture.path("a/7.csv")).unwrap();
     fs::rename(fixture.path("x"), fixture.path("b/7.csv")).unwrap();
-    let printed = fixture.fail(1, &["--confirm"]);
+    let printed = fixture.fail(1, &["confirm"]);
     let expected =
         "not confirmed: The run `a/7.csv` of cell `a` had been read as `b/0.csv` of cell `b`.";
     assert!(printed.contains(expected), "{printed}");
@@ -653,7 +655,7 @@ fn a_run_that_was_moved_to_another_cell_is_reported() {
 fn a_deleted_run_leaves_claims_open() {
     let fixture = Fixture::confirmed();
     fs::remove_file(fixture.path("b/2.csv")).unwrap();
-    let printed = fixture.succeed(&["--confirm"]);
+    let printed = fixture.succeed(&["confirm"]);
     assert!(
         printed.contains("1 of 3 runs of cell `b` are missing."),
         "{printed}"
@@ -664,13 +666,13 @@ fn a_deleted_run_leaves_claims_open() {
     );
     // Another run in its place does not count, under whatever name.
     fixture.write_run("b/9.csv", 5.0);
-    let printed = fixture.fail(1, &["--confirm"]);
+    let printed = fixture.fail(1, &["confirm"]);
     let expected =
         "The run `b/9.csv` of cell `b` was added when `b/2.csv`, which had been read, was gone.";
     assert!(printed.contains(expected), "{printed}");
     fs::remove_file(fixture.path("b/9.csv")).unwrap();
     fixture.write_run("b/2.csv", 6.0);
-    let printed = fixture.fail(1, &["--confirm"]);
+    let printed = fixture.fail(1, &["confirm"]);
     assert!(
         printed.contains("The run `b/2.csv` of cell `b` was changed"),
         "{printed}"
@@ -684,7 +686,7 @@ fn a_changed_mapping_or_threshold_is_refused() {
         "mine.ron",
         &REGISTERED.replace("\"b/*.csv\"", "\"best/*.csv\""),
     );
-    let error = fixture.fail(2, &["--confirm"]);
+    let error = fixture.fail(2, &["confirm"]);
     assert!(
         error.contains("settings of cell `b` were changed"),
         "{error}"
@@ -693,7 +695,7 @@ fn a_changed_mapping_or_threshold_is_refused() {
         "mine.ron",
         &REGISTERED.replace("repeats: 3", "repeats: 3, solved: (return: 5)"),
     );
-    let error = fixture.fail(2, &["--confirm"]);
+    let error = fixture.fail(2, &["confirm"]);
     assert!(
         error.contains("settings of cell `a` were changed"),
         "{error}"
@@ -702,7 +704,7 @@ fn a_changed_mapping_or_threshold_is_refused() {
         "mine.ron",
         &REGISTERED.replace("(name: \"a\",", "(name: \"a\", repeats: 2,"),
     );
-    let error = fixture.fail(2, &["--confirm"]);
+    let error = fixture.fail(2, &["confirm"]);
     assert!(error.contains("another value was changed"), "{error}");
 }
 
@@ -711,9 +713,9 @@ fn a_changed_mapping_or_threshold_is_refused() {
 fn edited_descriptions_of_files_are_reported() {
     let fixture = Fixture::new(REGISTERED);
     fixture.write_run("a/seen.csv", 99.0);
-    fixture.succeed(&["--register"]);
+    fixture.succeed(&["register"]);
     fixture.write_all_runs();
-    fixture.succeed(&["--confirm"]);
+    fixture.succeed(&["confirm"]);
     let manifest = fixture.path("out/study.json");
     let original = fs::read_to_string(&manifest).unwrap();
     let parsed: serde_json::Value = serde_json::from_str(&original).unwrap();
@@ -953,14 +955,8 @@ fn published_results_of_others_are_not_verified_without_their_files() {
         let [study, folder] =
             [&fixture.path("mine.ron"), &folder].map(|path| path.display().to_string());
         let verify = || {
-            seedbed(&[
-                "study",
-                &study,
-                "--out",
-                &folder,
-                "--confirm",
-                "--verify=100%",
-            ])
+            let verify = ["verify", "--registered", "--runs=100%"];
+            seedbed(&study_arguments(&study, &folder, &verify))
         };
         assert!(verify().status.success(), "{:?}", verify());
         fs::rename(fixture.path("a"), fixture.path("gone")).unwrap();

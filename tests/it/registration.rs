@@ -11,7 +11,8 @@ use flate2::write::GzEncoder;
 use sha2::{Digest, Sha256};
 
 use super::util::{
-    REPOSITORY, run_refused, seedbed, stderr, stdout, write_manifest_without_checksum,
+    REPOSITORY, run_refused, seedbed, stderr, stdout, study_arguments,
+    write_manifest_without_checksum,
 };
 
 /// A study in a directory of its own, with its own copy of the scenario.
@@ -53,14 +54,9 @@ impl Fixture {
     }
 
     fn study(&self, arguments: &[&str]) -> Output {
-        let (study, out) = (self.path("small.ron"), self.path("out"));
-        let common = [
-            "study",
-            study.to_str().unwrap(),
-            "--out",
-            out.to_str().unwrap(),
-        ];
-        seedbed(&[&common, arguments].concat())
+        let paths = [self.path("small.ron"), self.path("out")];
+        let [study, out] = paths.each_ref().map(|path| path.to_str().unwrap());
+        seedbed(&study_arguments(study, out, arguments))
     }
 
     /// The arguments must succeed. Returns the standard output.
@@ -70,15 +66,15 @@ impl Fixture {
         stdout(&output)
     }
 
-    /// Registers and confirms the study. Returns the output of `--confirm`.
+    /// Registers and confirms the study. Returns the output of `confirm`.
     fn confirm(&self) -> String {
-        self.succeed(&["--register"]);
-        self.succeed(&["--confirm"])
+        self.succeed(&["register"]);
+        self.succeed(&["confirm"])
     }
 
-    /// `--confirm` must be refused as invalid input. Returns the error.
+    /// `confirm` must be refused as invalid input. Returns the error.
     fn refusal(&self) -> String {
-        let output = self.study(&["--confirm"]);
+        let output = self.study(&["confirm"]);
         assert_eq!(output.status.code(), Some(2), "{output:?}");
         stderr(&output)
     }
@@ -148,12 +144,12 @@ fn a_registered_study_is_confirmed_with_run_seeds_from_its_lock() {
             .refusal()
             .contains("register the study with `seedbed study register` first")
     );
-    let registered = fixture.succeed(&["--register"]);
+    let registered = fixture.succeed(&["register"]);
     assert!(
         registered.contains("registered small: 1 confirmatory claim, 2 cells, 6 runs each"),
         "{registered}"
     );
-    let confirmed = fixture.succeed(&["--confirm"]);
+    let confirmed = fixture.succeed(&["confirm"]);
     assert!(
         confirmed.contains("1 confirmatory claim: 1 supported"),
         "{confirmed}"
@@ -162,14 +158,14 @@ fn a_registered_study_is_confirmed_with_run_seeds_from_its_lock() {
         serde_json::from_slice(&fs::read(fixture.path("small.ron.lock")).unwrap()).unwrap();
     let id = lock["id"].as_str().unwrap();
     assert!(fixture.claims_table().contains(&format!("lock `{id}`")));
-    let listed = fixture.succeed(&["--confirm", "--list"]);
+    let listed = fixture.succeed(&["list", "--registered"]);
     assert!(
         listed.lines().all(|line| !line.contains("run seed 1000 ")),
         "{listed}"
     );
     assert_eq!(listed.matches("finished").count(), 12);
     // The same file is the same lock, and has no history.
-    let again = fixture.succeed(&["--register"]);
+    let again = fixture.succeed(&["register"]);
     assert!(
         again.contains(&id[..12]) && !again.contains("history"),
         "{again}"
@@ -180,14 +176,14 @@ fn a_registered_study_is_confirmed_with_run_seeds_from_its_lock() {
 fn a_changed_claim_is_refused_and_a_new_lock_names_the_old_one() {
     let fixture = Fixture::new(&with_repeats(6));
     fixture.confirm();
-    let seeds_before = fixture.succeed(&["--confirm", "--list"]);
+    let seeds_before = fixture.succeed(&["list", "--registered"]);
     fixture.write_study(&with_repeats(6).replace("smallest: 5", "smallest: 1"));
     let error = fixture.refusal();
     assert!(
         error.contains("the study differs from its lock: the claim `seeds | random | Regret"),
         "{error}"
     );
-    let registered = fixture.succeed(&["--register"]);
+    let registered = fixture.succeed(&["register"]);
     assert!(
         registered.contains("history    1 lock before this one"),
         "{registered}"
@@ -203,8 +199,8 @@ fn a_changed_claim_is_refused_and_a_new_lock_names_the_old_one() {
         "{other_lock}"
     );
     fs::remove_dir_all(fixture.path("out")).unwrap();
-    fixture.succeed(&["--confirm"]);
-    assert_ne!(fixture.succeed(&["--confirm", "--list"]), seeds_before);
+    fixture.succeed(&["confirm"]);
+    assert_ne!(fixture.succeed(&["list", "--registered"]), seeds_before);
     let table = fixture.claims_table();
     assert!(
         table.contains("An earlier lock: ") && table.contains("was withdrawn: `seeds"),
@@ -249,7 +245,7 @@ fn another_scenario_is_refused() {
     )
     .unwrap();
     fixture.write_study(&with_repeats(6).replace("repeats", "first_seed: 1000, repeats"));
-    fixture.succeed(&["--confirm"]);
+    fixture.succeed(&["confirm"]);
     fixture.write_study(&with_repeats(6));
     let study = fixture.path("small.ron");
     let text = fs::read_to_string(&study).unwrap();
@@ -278,11 +274,11 @@ fn an_edited_run_is_not_used_and_is_repeated() {
         error.ends_with("seedbed study confirm small.ron\n"),
         "{error}"
     );
-    fixture.succeed(&["--confirm"]);
+    fixture.succeed(&["confirm"]);
     assert_eq!(fs::read(file).unwrap(), original);
     assert!(
         fixture
-            .succeed(&["--confirm", "--verify=12"])
+            .succeed(&["verify", "--registered", "--runs=12"])
             .contains("12 of 12 repeated runs are bit-identical")
     );
 }
@@ -300,7 +296,7 @@ fn a_deleted_run_leaves_claims_open_and_is_repeated() {
         "{report}"
     );
     assert!(report.contains("1 confirmatory claim: 1 open"), "{report}");
-    fixture.succeed(&["--confirm"]);
+    fixture.succeed(&["confirm"]);
     assert_eq!(fs::read(file).unwrap(), original);
 }
 
@@ -421,7 +417,7 @@ fn a_decided_study_stops_at_an_early_look() {
 #[test]
 fn a_study_without_confirmatory_claims_is_not_registered() {
     let fixture = Fixture::new("repeats: 6,");
-    let output = fixture.study(&["--register"]);
+    let output = fixture.study(&["register"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(
         stderr(&output).contains("the study has no confirmatory claim"),
@@ -433,9 +429,9 @@ fn a_study_without_confirmatory_claims_is_not_registered() {
 fn runs_from_before_the_registration_are_reported() {
     let fixture = Fixture::new(&with_repeats(6));
     fixture.succeed(&[]);
-    fixture.succeed(&["--register"]);
+    fixture.succeed(&["register"]);
     fs::remove_dir_all(fixture.path("out")).unwrap();
-    let confirmed = fixture.succeed(&["--confirm"]);
+    let confirmed = fixture.succeed(&["confirm"]);
     assert!(
         confirmed.contains("note       When the study was registered, 6 runs of cell `seeds` with other run seeds had been made."),
         "{confirmed}"
@@ -447,7 +443,7 @@ fn power_says_how_many_runs_each_claim_needs() {
     let fixture = Fixture::new(
         &with_repeats(6).replace("confirmatory", "expected: Deviation(10), confirmatory"),
     );
-    let printed = fixture.succeed(&["--power"]);
+    let printed = fixture.succeed(&["power"]);
     // An effect of half a standard deviation at the level 0.025: 64 runs per cell, 86 for
     // a power of 0.9.
     assert!(
@@ -632,13 +628,18 @@ fn verify_compares_descriptions_with_the_study() {
             json["cells"][0]["agents"] = 9.into();
         }),
     ];
-    for confirm in [&["--confirm"][..], &[]] {
+    for confirm in [&["confirm"][..], &[]] {
         let fixture = Fixture::new(&with_repeats(6));
         if !confirm.is_empty() {
-            fixture.succeed(&["--register"]);
+            fixture.succeed(&["register"]);
         }
         fixture.succeed(confirm);
-        let verify = [confirm, &["--verify=100%"]].concat();
+        let registered: &[&str] = if confirm.is_empty() {
+            &[]
+        } else {
+            &["--registered"]
+        };
+        let verify = [&["verify", "--runs=100%"], registered].concat();
         fixture.succeed(&verify);
         let manifest = fixture.path("out/study.json");
         let original = fs::read(&manifest).unwrap();
@@ -661,7 +662,7 @@ fn verify_compares_the_lock_of_results_with_that_of_the_study() {
     edit_json(&fixture.path("out/study.json"), |json| {
         json["lock"]["registered"]["build"] = "0123456789abcdef".into();
     });
-    let output = fixture.study(&["--confirm", "--verify"]);
+    let output = fixture.study(&["verify", "--registered"]);
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     assert!(
         stderr(&output).contains("the lock was changed"),
@@ -675,7 +676,7 @@ fn results_of_a_shorter_study_are_not_verified() {
     let fixture = Fixture::new(&with_repeats(6));
     fixture.succeed(&[]);
     fixture.write_study(&with_repeats(8));
-    let output = fixture.study(&["--verify"]);
+    let output = fixture.study(&["verify"]);
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     let expected = "there are 6 runs of each cell where the study has 8\n";
     assert!(stderr(&output).contains(expected), "{output:?}");
@@ -698,7 +699,11 @@ fn forged_rows_of_a_cell_with_equal_settings_are_found() {
     let published = fixture.publish();
     let verify = || {
         let paths = [&study, &published].map(|path| path.to_str().unwrap());
-        seedbed(&["study", paths[0], "--out", paths[1], "--verify=100%"])
+        seedbed(&study_arguments(
+            paths[0],
+            paths[1],
+            &["verify", "--runs=100%"],
+        ))
     };
     assert!(verify().status.success(), "{:?}", verify());
     let table = decompressed(&fs::read(published.join("results.csv.gz")).unwrap());
