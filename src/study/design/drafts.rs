@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::cell::Cell;
+use super::figure::{EpisodeWindow, Figure};
+use super::file::{Axis, NamedCell, Study};
+use super::run_source::{RunSource as _, ScenarioRuns};
 use crate::experiment::{self, LoadError, LoadStep};
 use crate::input_files::{self, Directory};
-use crate::study::design::cell::Cell;
-use crate::study::design::figure::{EpisodeWindow, Figure};
-use crate::study::design::file::{Axis, NamedCell, Study};
-use crate::study::design::run_source::{RunSource as _, ScenarioRuns};
 use crate::study::external::{ExternalRuns, ExternalSpec, Problem};
 use seedbed_input::limits::{MAX_CELLS, MAX_RUNS};
 use seedbed_input::{InputError, Located, ValidationError};

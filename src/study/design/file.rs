@@ -3,9 +3,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::direction::ClaimDirection;
+use super::figure::Figure;
 use crate::experiment::measure::Measure;
-use crate::study::design::direction::ClaimDirection;
-use crate::study::design::figure::Figure;
 use crate::study::external::source::{ResultsSource, SolvedAt};
 use seedbed_input::numbers::{Count, Fraction, Positive, ranged_count};
 use seedbed_input::{Located, ValidationError};
@@ -103,6 +103,30 @@ pub struct Scaling {
     /// Parts of the names of cells that differ in diversity only: with it, and without.
     #[serde(default)]
     pub diversity: Vec<(Located<String>, Located<String>)>,
+}
+
+impl Scaling {
+    /// Checks the measure, and that pairs are parts of the names of cells.
+    ///
+    /// # Errors
+    /// The invalid field, and the reason.
+    fn check(&self, cells: &[&str]) -> Result<(), ValidationError> {
+        let measure = *self.measure;
+        if !(measure == Measure::Regret || measure.is_time() && measure.counts_episodes()) {
+            return Err(self
+                .measure
+                .error("expected `Regret`, `EpisodesToSolve` or `FirstGoal`"));
+        }
+        let parts = self
+            .diversity
+            .iter()
+            .flat_map(|(with, without)| [with, without]);
+        let is_unknown = |part: &&Located<String>| !cells.iter().any(|cell| has_part(cell, part));
+        match parts.into_iter().find(is_unknown) {
+            None => Ok(()),
+            Some(part) => Err(unknown_part(part)),
+        }
+    }
 }
 
 /// One axis of a grid: values that replace `{}` in `scenario` and `set`.
@@ -287,7 +311,7 @@ pub(in crate::study) fn has_part(cell: &str, part: &str) -> bool {
 }
 
 /// The error that no cell has this part in its name.
-pub(in crate::study) fn unknown_part(part: &Located<String>) -> ValidationError {
+fn unknown_part(part: &Located<String>) -> ValidationError {
     part.error(format!(
         "no cell has `{}` in its name; expected a part of a cell's name, as separated by commas",
         part.as_str()

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::cell::CellDescription;
 use crate::study::FileError;
-use crate::study::design::cell::CellDescription;
 use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_text};
 
 /// What the digests of a study's cells are in its lock: the contents of `STUDY.digests`.
@@ -53,7 +53,7 @@ impl FormerDigests {
     }
 
     /// Cells with the digests that they had when the study was locked.
-    pub(in crate::study) fn of_cells(&self, cells: Vec<CellDescription>) -> Vec<CellDescription> {
+    pub(super) fn of_cells(&self, cells: Vec<CellDescription>) -> Vec<CellDescription> {
         let with_former = |cell: CellDescription| match self.by_digest.get(&cell.digest) {
             Some(former) => CellDescription {
                 digest: former.clone(),

@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::cell::CellDescription;
+use super::file::{Claim, NamedCell, Study};
 use crate::provenance;
 use crate::storage::hashes::sha256;
 use crate::study::FileError;
-use crate::study::design::cell::CellDescription;
-use crate::study::design::file::{Claim, NamedCell, Study};
 use crate::study::external::FileHash;
 use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_text};
 use seedbed_input::{FORMER_NAMES, InputError};

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::study::design::FormerDigests;
-use crate::study::design::cell::{Cell, CellDescription};
-use crate::study::design::file::Study;
-use crate::study::design::lock::{Lock, Registered, RegistrationError, SeenFile};
-use crate::study::design::plan::StudyPlan;
+use super::FormerDigests;
+use super::cell::{Cell, CellDescription};
+use super::file::Study;
+use super::lock::{Lock, Registered, RegistrationError, SeenFile};
+use super::plan::StudyPlan;
 use crate::study::external::{ExternalRuns, SeenFiles};
 use crate::study::file_error::{replace_file, to_json};
 use seedbed_settings::SCHEMA_VERSION;

@@ -4,11 +4,11 @@
 
 use std::collections::HashSet;
 
+use super::results::Results;
 use crate::study::design::FormerDigests;
 use crate::study::design::cell::CellDescription;
 use crate::study::design::file::Study;
 use crate::study::design::plan::StudyPlan;
-use crate::study::evaluate::results::Results;
 use crate::study::external::ExternalCell;
 use crate::study::store::Manifest;
 use crate::text::pluralize;

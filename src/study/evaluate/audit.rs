@@ -1,10 +1,10 @@
 //! Whether results confirm what was registered.
 
+use super::results::{Audit, CellResults, Results};
 use crate::experiment::shown_digits;
 use crate::provenance;
 use crate::study::design::lock::list;
 use crate::study::design::lock::{Lock, Registered, SeenFile};
-use crate::study::evaluate::results::{Audit, CellResults, Results};
 use crate::study::external::SeenFiles;
 use crate::study::store::StudyFolder;
 use crate::text::pluralize;

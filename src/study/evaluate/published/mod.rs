@@ -17,21 +17,21 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::io::{self};
 use std::path::{Path, PathBuf};
 
-use crate::study::evaluate::rows;
+use super::rows;
 use flate2::read::MultiGzDecoder;
 use seedbed_input::limits::{
     MAX_SMALL_FILE_BYTES, MAX_TABLE_BYTES, open_regular, read_bytes, text_of,
 };
 use serde::{Deserialize, Serialize};
 
+use super::column;
+use super::completeness;
+use super::results::{CellResults, Results, ResultsError};
 use crate::experiment::Outcome;
 use crate::experiment::measure::Measure;
 use crate::provenance::{format_build_id, parse_build_id};
 use crate::study::design::cell::PlannedRun;
 use crate::study::design::plan::StudyPlan;
-use crate::study::evaluate::column;
-use crate::study::evaluate::completeness;
-use crate::study::evaluate::results::{CellResults, Results, ResultsError};
 use crate::study::execute::runner::ExpectedResults;
 use crate::study::store::StudyFolder;
 use crate::text::from_spreadsheet_cell;
@@ -46,10 +46,10 @@ pub(in crate::study) const MANIFEST: &str = "study.json";
 /// What made the runs of a study: `builds.json`.
 #[derive(Serialize, Deserialize)]
 pub(in crate::study) struct Builds {
-    pub(in crate::study) versions: BTreeSet<String>,
-    pub(in crate::study) commits: BTreeSet<String>,
+    versions: BTreeSet<String>,
+    commits: BTreeSet<String>,
     /// Hashes of the executables, in hexadecimal digits.
-    pub(in crate::study) executables: BTreeSet<String>,
+    executables: BTreeSet<String>,
     /// SHA-256 of the other files, by their names. Earlier versions did not write them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(in crate::study) sha256: BTreeMap<String, String>,
