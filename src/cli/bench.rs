@@ -41,8 +41,9 @@ fn load_scenarios(args: &BenchArgs) -> Result<Vec<Arc<dyn Experiment>>, CliError
     let mut experiments = Vec::new();
     for argument in &args.scenarios {
         let path = input_files::find_argument(argument, &[Directory::Scenarios])?;
-        experiments.push(experiment::load(&path, &args.overrides)?);
-        former_names::warn(&path, &args.overrides);
+        let loaded = experiment::load(&path, &args.overrides)?;
+        former_names::warn(&path, &loaded.former_names, &args.overrides);
+        experiments.push(loaded.experiment);
     }
     let measures: Vec<&str> = experiments
         .iter()

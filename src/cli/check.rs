@@ -11,7 +11,7 @@ use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular;
 use seedbed_env::{Choice, Physics, TaskSpec, physics_warnings};
 use seedbed_input::numbers::readable;
-use seedbed_input::{FileKind, InputError};
+use seedbed_input::{FileKind, InputError, former_names_in};
 
 /// Maximum number of observations that are listed by name.
 pub(super) const MAX_NAMED_OBSERVATIONS: usize = 30;
@@ -57,7 +57,8 @@ fn find_and_check(path: &Path) -> Result<Checked, InputError> {
 
 fn check_file(path: &Path) -> Result<Checked, InputError> {
     let text = input_files::read_text(path)?;
-    let mut warnings: Vec<String> = former_names::sentences(&text);
+    let names = former_names_in(&text).into_iter();
+    let mut warnings: Vec<String> = names.map(former_names::sentence).collect();
     let description = match seedbed_input::file_kind(&path.display().to_string(), &text)? {
         FileKind::Environment | FileKind::TabularEnvironment | FileKind::Gymnasium => {
             let (task, _) = input_files::read_task(path)?;

@@ -2,17 +2,12 @@
 
 use std::path::Path;
 
-use seedbed::input_files;
-use seedbed_input::{FormerName, former_names_in, path_with_new_names};
+use seedbed_input::{FormerName, path_with_new_names};
 
-/// Prints which fields of a file, and which paths of overrides, have former names.
-pub(super) fn warn(path: &Path, overrides: &[String]) {
-    if !input_files::is_stream(path)
-        && let Ok(text) = input_files::read_text(path)
-    {
-        for sentence in sentences(&text) {
-            note!("warning: {}: {sentence}", path.display());
-        }
+/// Prints which fields of the file at `path`, and which paths of overrides, have former names.
+pub(super) fn warn(path: &Path, names: &[FormerName], overrides: &[String]) {
+    for name in names {
+        note!("warning: {}: {}", path.display(), sentence(*name));
     }
     for assignment in overrides {
         let path = assignment.split('=').next().unwrap_or_default().trim();
@@ -25,13 +20,13 @@ pub(super) fn warn(path: &Path, overrides: &[String]) {
     }
 }
 
-/// One sentence for each field of a text that has its former name.
-pub(super) fn sentences(text: &str) -> Vec<String> {
-    let names = former_names_in(text).into_iter();
-    let sentence = |FormerName { former, new, line }: FormerName| {
-        format!(
-            "line {line}: `{former}` is now called `{new}`; the former name is read for one more version"
-        )
-    };
-    names.map(sentence).collect()
+/// What to know of a field that has its former name.
+pub(super) fn sentence(
+    FormerName {
+        former, new, line, ..
+    }: FormerName,
+) -> String {
+    format!(
+        "line {line}: `{former}` is now called `{new}`; the former name is read for one more version"
+    )
 }

@@ -12,12 +12,14 @@ use seedbed::run::facts::EpisodeRow;
 use seedbed::run::preview;
 use seedbed::storage::incomplete::Incomplete;
 use seedbed_env::Physics;
+use seedbed_input::former_names_in;
 use seedbed_input::numbers::Count;
 
 pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
     let path = input_files::find_argument(&args.environment, &[Directory::Environments])?;
     let description = input_files::read_task(&path)?.0;
-    former_names::warn(&path, &[]);
+    let names = former_names_in(&input_files::read_text(&path)?);
+    former_names::warn(&path, &names, &[]);
     let episodes = Count::try_from(args.episodes)
         .map_err(|message| CliError::Usage(format!("--episodes: {message}")))?;
     let physics = if args.analytic {

@@ -8,7 +8,7 @@ use super::interruption::StopRequests;
 use super::memory;
 use super::progress::{AbortAfter, NoProgress, RunProgress};
 use super::{CliError, RunArgs, former_names, pluralize, ranks, warning_without_locks};
-use seedbed::experiment::{self, Experiment, RunEnding, RunReport};
+use seedbed::experiment::{self, Experiment, Loaded, RunEnding, RunReport};
 use seedbed::input_files::{self, Directory};
 use seedbed::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
 use seedbed::run::folder::{Contents, RunFolder};
@@ -51,8 +51,11 @@ fn load(args: &RunArgs, ranks: Ranks) -> Result<(Arc<dyn Experiment>, RunFolder)
     overrides.extend(args.seed.map(|seed| format!("seed={seed}")));
     let path = input_files::find_argument(&args.scenario, &[Directory::Scenarios])?;
     check_can_be_divided(args, None, ranks)?;
-    let experiment = experiment::load(&path, &overrides)?;
-    former_names::warn(&path, &args.overrides);
+    let Loaded {
+        experiment,
+        former_names,
+    } = experiment::load(&path, &overrides)?;
+    former_names::warn(&path, &former_names, &args.overrides);
     check_can_be_divided(args, Some(&*experiment), ranks)?;
     let folder = args.out.clone();
     let folder = RunFolder::new(folder.unwrap_or_else(|| experiment.default_folder()));

@@ -13,13 +13,12 @@
 //! | 8 bytes | XXH64 of everything before, little-endian |
 
 use std::fmt::{self, Display, Formatter};
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh64::Xxh64;
 
 use crate::experiment::run_result::MeasuredRun;
 use crate::experiment::shown_digits;
@@ -28,6 +27,7 @@ use crate::run::execution::checkpoint_schedule::CheckpointSchedule;
 use crate::run::training::Trainer;
 use crate::storage::files::Replacement;
 use crate::storage::sealed::{self, Format, SealError};
+use crate::storage::written::{HashedFile, WrittenHash};
 use seedbed_input::limits::open_regular;
 use seedbed_learn::experience::replay::Replay;
 
@@ -342,17 +342,14 @@ impl RunCheckpoint<'_> {
         let head = postcard::to_stdvec(&head).expect("plain data always serializes");
         let head = sealed::seal(FORMAT, &head);
         let replacement = Replacement::begin(&self.path)?;
-        let mut file = HashedFile {
-            file: replacement.file()?,
-            hash: Xxh64::new(0),
-        };
+        let mut file = HashedFile::new(replacement.file()?);
         file.write_all(&(head.len() as u32).to_le_bytes())?;
         file.write_all(&head)?;
         file.write_all(&state)?;
         if let Some(replay) = replay {
             write_transitions(&mut file, replay)?;
         }
-        let checksum = file.hash.digest();
+        let checksum = file.written().hash;
         file.write_all(&checksum.to_le_bytes())?;
         replacement.commit()
     }
@@ -377,24 +374,6 @@ fn write_transitions(file: &mut impl Write, replay: &Replay) -> io::Result<()> {
         numbers.start = end;
     }
     Ok(())
-}
-
-/// A file with the hash of all that was written to it.
-struct HashedFile {
-    file: File,
-    hash: Xxh64,
-}
-
-impl Write for HashedFile {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let count = self.file.write(bytes)?;
-        self.hash.update(&bytes[..count]);
-        Ok(count)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
-    }
 }
 
 /// A verified checkpoint.
@@ -448,10 +427,10 @@ impl Contents {
         let Some((contents, checksum)) = rest.split_last_chunk::<CHECKSUM_BYTES>() else {
             return Err(SealError::Hash.into());
         };
-        let mut hash = Xxh64::new(0);
-        hash.update(&head_bytes);
-        hash.update(contents);
-        if hash.digest() != u64::from_le_bytes(*checksum) {
+        let mut hash = WrittenHash::new();
+        hash.add(&head_bytes);
+        hash.add(contents);
+        if hash.written().hash != u64::from_le_bytes(*checksum) {
             return Err(SealError::Hash.into());
         }
         Ok(Some(Self { head, rest }))
@@ -531,6 +510,7 @@ pub(crate) fn remove(path: &Path) {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
     use std::sync::Mutex;
 
     use super::*;

@@ -10,7 +10,7 @@ use crate::scenario;
 use crate::scenario::overrides;
 use crate::scenario::resolve::Resolve;
 use crate::tabular::{TabularPlan, TabularScenario};
-use seedbed_input::{Document, FileKind, InputError};
+use seedbed_input::{Document, FileKind, FormerName, InputError};
 
 /// An input error, and the step of loading in which it was found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -40,19 +40,31 @@ impl LoadStep {
     }
 }
 
+/// The experiment of a scenario file.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The experiment.
+    pub experiment: Arc<dyn Experiment>,
+    /// Fields that have their former names in the scenario file.
+    pub former_names: Vec<FormerName>,
+}
+
 /// Reads the scenario at `path`, applies `overrides`, each of which has the form
 /// `path.to.field=value`, and checks the result together with its task.
 ///
 /// # Errors
 /// If the file, an override or the task's file is invalid.
-pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, LoadError> {
+pub fn load(path: &Path, overrides: &[String]) -> Result<Loaded, LoadError> {
     let origin = path.display().to_string();
     let text = input_files::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
     let kind = seedbed_input::file_kind(&origin, &text);
     if matches!(kind, Ok(FileKind::TabularScenario)) {
         let document: Result<Document<TabularScenario>, _> = overrides::parse(path, &text);
         let document = with_overrides(document, overrides)?;
-        return Ok(Arc::new(TabularPlan::new(path, document.value)));
+        return Ok(Loaded {
+            former_names: document.former_names,
+            experiment: Arc::new(TabularPlan::new(path, document.value)),
+        });
     }
     if let Ok(
         kind @ (FileKind::Study
@@ -66,10 +78,13 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
     }
     // Files of any other kind are refused with the errors of a `Scenario`.
     let document = with_overrides(folder::parse_scenario(path, &text), overrides)?;
+    let former_names = document.former_names.clone();
     let plan = Plan::from_document(document, path);
-    Ok(Arc::new(
-        plan.map_err(|error| LoadStep::Check.failed(error))?,
-    ))
+    let plan = plan.map_err(|error| LoadStep::Check.failed(error))?;
+    Ok(Loaded {
+        experiment: Arc::new(plan),
+        former_names,
+    })
 }
 
 /// Paths of the files that [`load`] reads: the scenario, its task, and what the task extends. Built-in

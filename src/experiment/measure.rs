@@ -9,7 +9,9 @@ pub use crate::plotting::trailing_means;
 pub use crate::run::facts::metrics::Curve;
 use crate::run::facts::metrics::{Range, RunKind};
 use crate::scenario::Rounding;
+use seedbed_input::FORMER_NAMES;
 use seedbed_input::numbers::{Count, ranged_count};
+use seedbed_settings::Settings;
 use seedbed_stats::aggregate::{mean, median, quantile};
 use seedbed_stats::survival::TimeToEvent;
 
@@ -213,11 +215,24 @@ impl Measure {
         }
     }
 
-    /// The measure as in the text of claims on which locks depend, which does not change when a
-    /// measure gets an option.
+    /// The measure as in the text of claims on which locks depend: its settings without defaults, such as
+    /// `At(episode = 230, of = TeamCoverage)`.
     #[must_use]
     pub(crate) fn canonical_text(self) -> String {
-        format!("{self:?}").replace(", held: false", "")
+        let text = ron::to_string(&self).expect("plain data always serializes");
+        let is_same = |text: &str| ron::from_str(text) == Ok(self);
+        let settings = Settings::without_defaults(&text, is_same);
+        let settings = settings
+            .expect("RON that was just written")
+            .text(&FORMER_NAMES);
+        let mut values = settings.lines();
+        // The path of the measure itself is empty.
+        let name = values.next().unwrap_or_default().trim_start_matches(" = ");
+        let fields: Vec<&str> = values.collect();
+        if fields.is_empty() {
+            return name.to_owned();
+        }
+        format!("{name}({})", fields.join(", "))
     }
 
     /// Whether this measure is a time, which a run may not reach.
@@ -510,7 +525,7 @@ mod tests {
         assert_eq!(at(6, true), Some(5.0));
     }
 
-    /// Texts of columns and locks were written before measures could be held.
+    /// Names of columns were written before measures could be held.
     #[test]
     fn measures_that_are_not_held_are_written_as_before() {
         let measure: Measure = ron::from_str("At(of: TeamCoverage, episode: 230)").unwrap();
@@ -518,10 +533,25 @@ mod tests {
             ron::to_string(&measure).unwrap(),
             "At(of:TeamCoverage,episode:230)"
         );
-        assert_eq!(
-            measure.canonical_text(),
-            "At { of: TeamCoverage, episode: Count(230) }"
-        );
+    }
+
+    #[test]
+    fn the_text_in_locks_has_no_defaults() {
+        for (measure, expected) in [
+            ("Solved", "Solved"),
+            ("FinalReturn(window: 25)", "FinalReturn"),
+            (
+                "At(of: TeamCoverage, episode: 230, held: false)",
+                "At(episode = 230, of = TeamCoverage)",
+            ),
+            (
+                "ReturnAt(episode: 9, held: true)",
+                "ReturnAt(episode = 9, held = true)",
+            ),
+        ] {
+            let measure: Measure = ron::from_str(measure).unwrap();
+            assert_eq!(measure.canonical_text(), expected);
+        }
     }
 
     /// Agents with 30, 40 and 27 episodes, whose last 25 have the means 173, 183 and 143: 166⅓. Cut to

@@ -522,6 +522,7 @@ mod tests {
         let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
         load(Path::new("scenarios/cartpole.ron"), &overrides)
             .expect("a valid scenario")
+            .experiment
             .digest()
     }
 

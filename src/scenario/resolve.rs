@@ -103,7 +103,10 @@ pub(super) fn apply_value<T: Resolve>(
         "{} with --set",
         document.origin.trim_end_matches(" with --set")
     );
-    seedbed_input::parse(&origin, value.resolved())
+    Ok(Document {
+        former_names: document.former_names.clone(),
+        ..seedbed_input::parse(&origin, value.resolved())?
+    })
 }
 
 /// The field of an error in the file with the value of `path` replaced: `path`, or a field within its value.

@@ -110,6 +110,12 @@ pub(crate) struct HashedFile {
 }
 
 impl HashedFile {
+    /// A file that is empty.
+    pub(crate) fn new(file: File) -> Self {
+        let hash = WrittenHash::new();
+        Self { file, hash }
+    }
+
     /// Opens a file that begins with what was `written`, and removes the rest.
     ///
     /// # Errors

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
 use super::util::{
-    command, files_below, run_command, send_signal, small_run, stderr, stdout, wait_until,
+    command, files_below, run_command, send_signal, small_run, stderr, stdout, study_arguments,
+    wait_until,
 };
 use crate::study::{change_stored_curves, run_study, stored_results, study_text, write_study};
 
@@ -25,9 +26,9 @@ fn refused(output: &Output) -> String {
     stderr(output)
 }
 
-/// The state of each run that `--list` prints, with what follows it.
+/// The state of each run that `list` prints, with what follows it.
 fn listed(study: &str, out: &Path) -> Vec<String> {
-    let output = run_study(study, out, &["--list"]);
+    let output = run_study(study, out, &["list"]);
     succeeds(&output);
     stdout(&output)
         .lines()
@@ -36,11 +37,8 @@ fn listed(study: &str, out: &Path) -> Vec<String> {
 }
 
 fn start(study: &str, out: &Path, extra_arguments: &[&str]) -> Child {
-    let arguments = [
-        &["study", study, "--out", out.to_str().unwrap()],
-        extra_arguments,
-    ];
-    command(&arguments.concat())
+    let out = out.to_str().unwrap();
+    command(&study_arguments(study, out, extra_arguments))
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -91,14 +89,14 @@ fn wrong_shards_are_refused() {
     }
     for other in [
         &["--index", "0"][..],
-        &["--list"],
-        &["--verify"],
-        &["--merge", "x"],
-        &["--script", "slurm"],
-        &["--register"],
-        &["--power"],
+        &["list"],
+        &["verify"],
+        &["merge", "--from", "x"],
+        &["script"],
+        &["register"],
+        &["power"],
     ] {
-        let arguments = [&["--shard", "0/3"], other].concat();
+        let arguments = [other, &["--shard", "0/3"]].concat();
         let error = refused(&run_study(&study, &out, &arguments));
         let is_refused = ["cannot be used with", "unexpected argument '--shard' found"];
         let is_refused = is_refused.iter().any(|part| error.contains(part));
@@ -224,11 +222,10 @@ fn a_printed_script_runs_the_study_and_its_report() {
     fs::write(&study, text).unwrap();
     let printed = command(&[
         "study",
+        "script",
         "größe.ron",
         "--out",
         "out",
-        "--script",
-        "slurm",
         "--max-tasks",
         "3",
     ])
@@ -236,7 +233,7 @@ fn a_printed_script_runs_the_study_and_its_report() {
     .output()
     .unwrap();
     succeeds(&printed);
-    let hint = "submit it with: seedbed study größe.ron --out out --script slurm --max-tasks 3 > gr__e.sbatch; \
+    let hint = "submit it with: seedbed study script größe.ron --out out --max-tasks 3 > gr__e.sbatch; \
                 sbatch gr__e.sbatch\n";
     // Words with letters that a shell might change are quoted.
     let hint = hint.replace(" größe.ron", " 'größe.ron'");
@@ -300,7 +297,7 @@ fn merged_results_are_those_of_the_whole_study() {
     let distinct = stored_results(&whole).len();
     let equal = stored_results(&a).len() + stored_results(&b).len() - distinct;
     assert!(equal > 0);
-    let sources = ["--merge", a.to_str().unwrap(), b.to_str().unwrap()];
+    let sources = ["merge", "--from", a.to_str().unwrap(), b.to_str().unwrap()];
     let merged = run_study(&study, &target, &sources);
     succeeds(&merged);
     let expected =
@@ -325,7 +322,13 @@ fn conflicting_and_damaged_results_are_not_merged() {
     succeeds(&run_study(&study, &target, &["--index", "0"]));
     change_stored_curves(&target, 1000);
     let before = stored_results(&target);
-    let merge = || run_study(&study, &target, &["--merge", source.to_str().unwrap()]);
+    let merge = || {
+        run_study(
+            &study,
+            &target,
+            &["merge", "--from", source.to_str().unwrap()],
+        )
+    };
     let error = refused(&merge());
     let name = before.keys().next().unwrap();
     for folder in [&target, &source] {
@@ -365,7 +368,7 @@ fn pipes_and_devices_in_place_of_files_of_a_study_are_refused() {
         |path: &Path| assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
     fs::remove_file(&stored).unwrap();
     make_pipe(&stored);
-    let merge = ["--merge", source.to_str().unwrap(), "--unverified"];
+    let merge = ["merge", "--from", source.to_str().unwrap(), "--unverified"];
     for place in ["pipe", "device"] {
         let error = refused(&run_study(&study, &target, &merge));
         let expected = format!(
@@ -381,7 +384,7 @@ fn pipes_and_devices_in_place_of_files_of_a_study_are_refused() {
 
     let lock = PathBuf::from(format!("{study}.lock"));
     make_pipe(&lock);
-    let error = refused(&run_study(&study, &target, &["--confirm"]));
+    let error = refused(&run_study(&study, &target, &["confirm"]));
     assert_eq!(error, format!("error: {}: {reason}\n", lock.display()));
 }
 
@@ -399,7 +402,7 @@ fn only_other_directories_of_the_same_study_are_merged() {
         let error = refused(&run_study(
             &study,
             &target,
-            &["--merge", source.to_str().unwrap()],
+            &["merge", "--from", source.to_str().unwrap()],
         ));
         assert!(error.contains(part), "{error}");
     }
@@ -420,7 +423,7 @@ fn merging_keeps_the_history_of_claims() {
     succeeds(&run_study(
         &study,
         &target,
-        &["--merge", source.to_str().unwrap()],
+        &["merge", "--from", source.to_str().unwrap()],
     ));
     let text = fs::read_to_string(target.join("study.json")).unwrap();
     let manifest: serde_json::Value = serde_json::from_str(&text).unwrap();

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use tempfile::TempDir;
 
 use super::state_files::{small_file, write_file};
-use super::util::{REPOSITORY, RESULT_FILES, command, seedbed, stderr};
+use super::util::{REPOSITORY, RESULT_FILES, command, seedbed, stderr, study_arguments};
 use seedbed::explore::Explorer;
 use seedbed::export::{self, Content, Format};
 use seedbed::record::recording::RecordingFile;
@@ -443,7 +443,7 @@ fn registered_study() -> TempDir {
             confirmatory: true)],
     )"#;
     fs::write(folder.path().join("small.ron"), text).unwrap();
-    for action in ["--register", "--confirm"] {
+    for action in ["register", "confirm"] {
         let output = study(folder.path(), &[action]);
         assert!(output.status.success(), "{output:?}");
     }
@@ -451,10 +451,9 @@ fn registered_study() -> TempDir {
 }
 
 fn study(folder: &Path, arguments: &[&str]) -> std::process::Output {
-    let [study, out] = ["small.ron", "out"].map(|name| folder.join(name));
-    let mut command = command(&["study"]);
-    command.arg(study).arg("--out").arg(out).args(arguments);
-    command.output().unwrap()
+    let paths = ["small.ron", "out"].map(|name| folder.join(name));
+    let [study, out] = paths.each_ref().map(|path| path.to_str().unwrap());
+    seedbed(&study_arguments(study, out, arguments))
 }
 
 fn read_by_report(out: &Path) -> Reading {
@@ -487,7 +486,7 @@ fn check_study(bytes: Bytes) {
     );
     assert_eq!(description, "study.json");
     let confirm = Reader {
-        name: "study --confirm",
+        name: "study confirm",
         read: read_by_confirm,
     };
     let lock = folder.path().join("small.ron.lock");
@@ -659,7 +658,7 @@ fn studies_repeat_damaged_runs() {
     let folder = registered_study();
     let out = folder.path().join("out");
     let report = || seedbed(&["report", out.to_str().unwrap()]);
-    let verify = || study(folder.path(), &["--confirm", "--verify"]);
+    let verify = || study(folder.path(), &["verify", "--registered"]);
     let file = all_files(&out.join("runs")).pop().unwrap();
     let intact = fs::read(&file).unwrap();
     flip(&file, 100);
@@ -669,7 +668,7 @@ fn studies_repeat_damaged_runs() {
         assert!(error.contains(file.to_str().unwrap()), "{error}");
         assert!(output.stdout.is_empty());
     }
-    let repeated = study(folder.path(), &["--confirm"]);
+    let repeated = study(folder.path(), &["confirm"]);
     assert!(repeated.status.success(), "{}", stderr(&repeated));
     let warning = format!("warning: {} is damaged", file.display());
     assert!(
@@ -680,7 +679,7 @@ fn studies_repeat_damaged_runs() {
     assert_eq!(fs::read(&file).unwrap(), intact);
     let description = out.join("study.json");
     flip(&description, 100);
-    for output in [report(), verify(), study(folder.path(), &["--confirm"])] {
+    for output in [report(), verify(), study(folder.path(), &["confirm"])] {
         let error = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{error}");
         assert!(error.contains(description.to_str().unwrap()), "{error}");

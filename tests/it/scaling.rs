@@ -122,13 +122,13 @@ fn published_runs_are_repeated() {
     let folder = tempfile::tempdir().unwrap();
     run_and_publish(folder.path());
     let verify = |amount: &str| {
-        let arguments = ["study", "sizes.ron", amount];
+        let arguments = ["study", "verify", "sizes.ron", amount];
         command(&arguments)
             .current_dir(folder.path())
             .output()
             .unwrap()
     };
-    let output = verify("--verify=10%");
+    let output = verify("--runs=10%");
     let expected =
         "verified   sizes: 18 of 18 repeated runs are bit-identical (180 runs published)";
     assert!(stdout(&output).contains(expected), "{output:?}");
@@ -142,7 +142,7 @@ fn published_runs_are_repeated() {
     let mut encoder = GzEncoder::new(fs::File::create(&table).unwrap(), Compression::fast());
     encoder.write_all(text.as_bytes()).unwrap();
     encoder.finish().unwrap();
-    let output = verify("--verify=100%");
+    let output = verify("--runs=100%");
     assert_eq!(output.status.code(), Some(2), "{output:?}");
     let message = "results.csv.gz: is damaged, or was changed after it was written: its SHA-256";
     assert!(stderr(&output).contains(message), "{output:?}");
@@ -153,7 +153,7 @@ fn published_runs_are_repeated() {
         serde_json::from_str(&fs::read_to_string(&builds).unwrap()).unwrap();
     description.as_object_mut().unwrap().remove("sha256");
     fs::write(&builds, description.to_string()).unwrap();
-    let output = verify("--verify=100%");
+    let output = verify("--runs=100%");
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     assert!(stdout(&output).contains("179 of 180"), "{output:?}");
     assert!(
@@ -185,7 +185,7 @@ fn change_last_digit_of_last_row(text: &mut String) {
 
 #[test]
 fn an_amount_of_runs_to_verify_is_checked() {
-    let output = command(&["study", "x.ron", "--verify=0%"])
+    let output = command(&["study", "verify", "x.ron", "--runs=0%"])
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(2));

@@ -52,7 +52,8 @@ impl RunQueue for Queue {
 
 fn experiment(scenario: &str, overrides: &[&str]) -> Arc<dyn Experiment> {
     let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
-    load(&Path::new("scenarios").join(scenario), &overrides).unwrap()
+    let loaded = load(&Path::new("scenarios").join(scenario), &overrides);
+    loaded.unwrap().experiment
 }
 
 fn results_together(
@@ -345,7 +346,7 @@ fn a_panic_fails_one_run_only() {
     std::fs::write(&study, text).unwrap();
     let mut plan = StudyPlan::load(&study, false).unwrap();
     let overrides = ["stop=Episodes(3)".to_owned()];
-    let inner = load(&scenario, &overrides).unwrap();
+    let inner = load(&scenario, &overrides).unwrap().experiment;
     let run_seed = FIRST_RUN_SEED + 4;
     plan.cells[0].source = Arc::new(ScenarioRuns::new(Arc::new(Panicking { inner, run_seed })));
     let store = StudyFolder::new(folder.path().join("out"));

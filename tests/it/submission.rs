@@ -82,8 +82,8 @@ impl Project {
 
     /// Registers, runs and packs the study. Returns the bytes of the submission.
     fn submit(&self) -> Vec<u8> {
-        self.succeed("lab", &["study", STUDY, "--register"]);
-        self.succeed("lab", &["study", STUDY, "--confirm"]);
+        self.succeed("lab", &["study", "register", STUDY]);
+        self.succeed("lab", &["study", "confirm", STUDY]);
         let printed = self.succeed("lab", &["submit", STUDY, "--out", "small.zip"]);
         assert!(
             printed.contains("packed     small.zip (10 files, "),
@@ -177,7 +177,7 @@ fn changed_results_and_changed_tasks_of_a_submission_are_noticed() {
     let project = Project::new();
     let archive = project.submit();
     let folder = project.unpack_elsewhere(&archive);
-    let verify = ["study", STUDY, "--confirm", "--verify=100%"];
+    let verify = ["study", "verify", STUDY, "--registered", "--runs=100%"];
     project.succeed(&folder, &verify);
     let task = project.path(&folder).join("envs/short.ron");
     let text = fs::read_to_string(&task).unwrap();
@@ -234,7 +234,7 @@ fn forge(project: &Project, folder: &str, change: impl Fn(&mut Vec<Vec<String>>)
     set_hash("submission.json", &builds, hash(&builds));
 }
 
-const VERIFY: [&str; 4] = ["study", STUDY, "--confirm", "--verify=2%"];
+const VERIFY: [&str; 5] = ["study", "verify", STUDY, "--registered", "--runs=2%"];
 
 /// All rows but the first are forged: of the second cell, every run that can be drawn.
 #[test]
@@ -340,10 +340,10 @@ fn studies_without_a_lock_or_without_all_results_are_not_packed() {
         error.contains("register the study with `seedbed study register`"),
         "{error}"
     );
-    project.succeed("lab", &["study", STUDY, "--register"]);
+    project.succeed("lab", &["study", "register", STUDY]);
     let error = project.refusal(&["submit", STUDY]);
     assert!(error.contains("recordings/studies/small-"), "{error}");
-    project.succeed("lab", &["study", STUDY, "--confirm", "--index", "0"]);
+    project.succeed("lab", &["study", "confirm", STUDY, "--index", "0"]);
     let error = project.refusal(&["submit", STUDY]);
     assert!(
         error.contains("5 of 6 runs are missing; expected the results of all runs"),

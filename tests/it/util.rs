@@ -64,13 +64,24 @@ pub(crate) fn stdout(output: &Output) -> String {
 }
 
 /// Standard error of a command.
-/// The standard error, without notes on former spellings: tests use both.
 pub(crate) fn stderr(output: &Output) -> String {
-    let text = String::from_utf8_lossy(&output.stderr);
-    let is_note = |line: &&str| line.starts_with("note: the new spelling is ");
-    text.split_inclusive('\n')
-        .filter(|line| !is_note(line))
-        .collect()
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// The arguments of `seedbed study` for a study and the directory of its results. `arguments` may begin with an
+/// action, such as `verify`.
+pub(crate) fn study_arguments<'a>(
+    study: &'a str,
+    out: &'a str,
+    arguments: &[&'a str],
+) -> Vec<&'a str> {
+    let action = arguments.first().filter(|word| !word.starts_with('-'));
+    let options = &arguments[usize::from(action.is_some())..];
+    let mut all = vec!["study"];
+    all.extend(action);
+    all.extend([study, "--out", out]);
+    all.extend(options);
+    all
 }
 
 /// The command `seedbed run scenarios/cartpole.ron --out FOLDER EXTRA_ARGUMENTS`, before it is

@@ -1,6 +1,5 @@
 //! Former names of fields, which are read for one more version.
 
-use std::borrow::Cow;
 use std::ops::Range;
 
 /// Names of fields that were renamed, each with the former one. Digests of settings have the former names, so that
@@ -24,6 +23,8 @@ pub struct FormerName {
     pub new: &'static str,
     /// Line, counted from 1.
     pub line: usize,
+    /// Where the former name begins, in bytes.
+    start: usize,
 }
 
 /// The fields of a RON text that have former names, in their order.
@@ -32,8 +33,12 @@ pub fn former_names_in(text: &str) -> Vec<FormerName> {
     let mut found = Vec::new();
     for range in names_of_fields(text) {
         if let Some((new, former)) = renamed(&text[range.clone()]) {
-            let line = text[..range.start].matches('\n').count() + 1;
-            found.push(FormerName { former, new, line });
+            found.push(FormerName {
+                former,
+                new,
+                line: text[..range.start].matches('\n').count() + 1,
+                start: range.start,
+            });
         }
     }
     found
@@ -42,15 +47,12 @@ pub fn former_names_in(text: &str) -> Vec<FormerName> {
 /// A RON text with the names of today. All places in it are the same: a name that is shorter than the former one is
 /// followed by spaces.
 #[must_use]
-pub(crate) fn with_new_names(text: &str) -> Cow<'_, str> {
-    let mut renamed_text = Cow::Borrowed(text);
-    for range in names_of_fields(text) {
-        if let Some((new, former)) = renamed(&text[range.clone()]) {
-            let padded = format!("{new:width$}", width = former.len());
-            renamed_text.to_mut().replace_range(range, &padded);
-        }
+pub(crate) fn with_new_names(mut text: String, former_names: &[FormerName]) -> String {
+    for name in former_names {
+        let padded = format!("{:width$}", name.new, width = name.former.len());
+        text.replace_range(name.start..name.start + name.former.len(), &padded);
     }
-    renamed_text
+    text
 }
 
 /// A path such as `algorithm.policy_optimiser.step_size` with the names of today.
@@ -137,18 +139,16 @@ mod tests {
                     value_optimiser : (x: randomised), Colour: 2)";
         let expected = "(color : 1, // colour: no\n a: \"optimiser: \\\" no\", b: r#\"standardise: \"no\"#, /* optimiser: no */ \
                         value_optimizer : (x: randomised), Colour: 2)";
-        assert_eq!(with_new_names(text), expected);
-        let found: Vec<(&str, usize)> = former_names_in(text)
-            .into_iter()
-            .map(|name| (name.new, name.line))
-            .collect();
+        let names = former_names_in(text);
+        let found: Vec<(&str, usize)> = names.iter().map(|name| (name.new, name.line)).collect();
         assert_eq!(found, [("color", 1), ("value_optimizer", 2)]);
+        assert_eq!(with_new_names(text.to_owned(), &names), expected);
     }
 
     #[test]
     fn broken_texts_are_read_to_their_end() {
         for text in ["\"", "r#\"", "/*", "//", "é:", "(a: \"\\"] {
-            assert_eq!(with_new_names(text), text);
+            assert_eq!(former_names_in(text), []);
         }
     }
 

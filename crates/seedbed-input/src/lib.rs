@@ -20,7 +20,6 @@ pub mod numbers;
 mod parser;
 mod trial;
 
-use std::borrow::Cow;
 use std::path::Path;
 
 use seedbed_settings::Settings;
@@ -52,15 +51,14 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Document<T>, InputError>
 /// # Errors
 /// The text is not a `T`.
 pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document<T>, InputError> {
-    let text = match with_new_names(&text) {
-        Cow::Borrowed(_) => text,
-        Cow::Owned(renamed) => renamed,
-    };
+    let former_names = former_names_in(&text);
+    let text = with_new_names(text, &former_names);
     let value = deserialize(origin, &text, None)?;
     Ok(Document {
         origin: origin.to_owned(),
         text,
         value,
+        former_names,
     })
 }
 
@@ -70,7 +68,7 @@ pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document
 /// If the text is not a `T`.
 #[must_use]
 pub fn settings_of<T: DeserializeOwned + PartialEq>(text: &str) -> Settings {
-    let text = &*with_new_names(text);
+    let text = &*with_new_names(text.to_owned(), &former_names_in(text));
     let value: T = deserialize_silently(text).expect("a text that was read before");
     let is_same = |text: &str| deserialize_silently::<T>(text).is_some_and(|other| other == value);
     Settings::without_defaults(text, is_same).expect("a text that was read before")

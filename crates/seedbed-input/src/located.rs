@@ -20,6 +20,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::error::{InputError, position};
 use super::explanation::explain;
 use super::foreign;
+use super::former_names::FormerName;
 use super::limits::short_list;
 use super::names::{quoted_list, suggestion};
 use super::parser::read;
@@ -29,10 +30,12 @@ use super::parser::read;
 pub struct Document<T> {
     /// The file, or another name for the origin of the text.
     pub origin: String,
-    /// Text of the file.
+    /// Text of the file, with the names of today.
     pub text: String,
     /// The value.
     pub value: T,
+    /// Fields that have their former names in the file.
+    pub former_names: Vec<FormerName>,
 }
 
 /// A value that remembers its place in its file.

@@ -152,7 +152,9 @@ impl TwoMeans {
     /// If a sample is empty.
     #[must_use]
     pub fn new(x: &[f64], y: &[f64]) -> Self {
-        Self::with_splits(x, y, &Splits::new(x.len(), y.len()))
+        let sizes = [x.len(), y.len()];
+        let splits = LAST_SPLITS.get(sizes, || Splits::new(x.len(), y.len()));
+        Self::with_splits(x, y, &splits)
     }
 
     /// Like [`new`](Self::new), with splits that were made before.
@@ -164,23 +166,19 @@ impl TwoMeans {
         assert_eq!(splits.sizes, [x.len(), y.len()]);
         // Centered values keep the squares small, which loses fewer digits.
         let center = f64::midpoint(mean(x), mean(y));
-        let values: Vec<f64> = x.iter().chain(y).map(|value| value - center).collect();
-        let sums_over = |runs: &mut dyn Iterator<Item = usize>| {
-            let mut sums = SplitSums::default();
-            for run in runs {
-                sums.add(values[run], run < x.len());
-            }
-            sums
-        };
-        let sums_of_split = |runs: &[u32]| sums_over(&mut runs.iter().map(|&run| run as usize));
+        let of_x = x.iter().map(|value| SplitSums::of(value - center, true));
+        let of_y = y.iter().map(|value| SplitSums::of(value - center, false));
+        let runs: Vec<SplitSums> = of_x.chain(of_y).collect();
+        let values: Vec<f64> = runs.iter().map(|run| run.values).collect();
+        let sums_of_split = |split: &[u32]| sum(split.iter().map(|&run| runs[run as usize]));
         Self {
             sums: splits
                 .first_samples
                 .chunks_exact(x.len())
                 .map(sums_of_split)
                 .collect(),
-            data: sums_over(&mut (0..x.len())),
-            total: sums_over(&mut (0..values.len())),
+            data: sum(runs[..x.len()].iter().copied()),
+            total: sum(runs.iter().copied()),
             sizes: splits.sizes,
             estimate: mean(x) - mean(y),
             range: range(&values),
@@ -243,12 +241,13 @@ impl EffectTest for TwoMeans {
 }
 
 impl SplitSums {
-    fn add(&mut self, value: f64, is_of_x: bool) {
-        self.values += value;
-        self.squares += value * value;
-        if is_of_x {
-            self.values_of_x += value;
-            self.count_of_x += 1.0;
+    /// The sums over one value. A value of y adds 0, which changes no sum: a branch would take longer.
+    fn of(value: f64, is_of_x: bool) -> Self {
+        Self {
+            values: value,
+            values_of_x: if is_of_x { value } else { 0.0 },
+            squares: value * value,
+            count_of_x: f64::from(u8::from(is_of_x)),
         }
     }
 
@@ -259,6 +258,16 @@ impl SplitSums {
             self.squares - 2.0 * effect * self.values_of_x + effect * effect * self.count_of_x,
         ]
     }
+}
+
+/// The sums over all values, added in their order.
+fn sum(values: impl Iterator<Item = SplitSums>) -> SplitSums {
+    values.fold(SplitSums::default(), |sums, value| SplitSums {
+        values: sums.values + value.values,
+        values_of_x: sums.values_of_x + value.values_of_x,
+        squares: sums.squares + value.squares,
+        count_of_x: sums.count_of_x + value.count_of_x,
+    })
 }
 
 /// Squared standard error of the mean of n values with this sum and sum of squares; 0 for one value.
@@ -293,7 +302,7 @@ impl MeanOfDifferences {
     pub fn new(differences: &[f64]) -> Self {
         let n = differences.len();
         assert!(n > 0, "no differences");
-        let vectors = SignVectors::of(n);
+        let vectors = LAST_SIGN_VECTORS.get(n, || SignVectors::new(n));
         Self {
             sums: vectors.signed_sums(differences),
             data: [differences.iter().sum(), n as f64],
@@ -320,24 +329,30 @@ struct SignVectors {
     is_exact: bool,
 }
 
-/// The vectors that were used last: the tests of a study have as many runs, and drawing takes longer than all else.
-static LAST_SIGN_VECTORS: Mutex<Option<Arc<SignVectors>>> = Mutex::new(None);
+/// The permutations that were used last: the tests of a study have as many runs, and drawing takes longer than all
+/// else.
+struct Last<K, T>(Mutex<Option<(K, Arc<T>)>>);
+
+static LAST_SPLITS: Last<[usize; 2], Splits> = Last(Mutex::new(None));
+
+static LAST_SIGN_VECTORS: Last<usize, SignVectors> = Last(Mutex::new(None));
+
+impl<K: Copy + PartialEq, T> Last<K, T> {
+    /// The permutations for samples of these sizes, which are drawn if they are others than the last.
+    fn get(&self, sizes: K, draw: impl FnOnce() -> T) -> Arc<T> {
+        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*last {
+            Some((of, permutations)) if *of == sizes => Arc::clone(permutations),
+            _ => {
+                let permutations = Arc::new(draw());
+                *last = Some((sizes, Arc::clone(&permutations)));
+                permutations
+            }
+        }
+    }
+}
 
 impl SignVectors {
-    fn of(n: usize) -> Arc<Self> {
-        let last = || {
-            LAST_SIGN_VECTORS
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-        };
-        if let Some(vectors) = last().as_ref().filter(|vectors| vectors.n == n) {
-            return Arc::clone(vectors);
-        }
-        let vectors = Arc::new(Self::new(n));
-        *last() = Some(Arc::clone(&vectors));
-        vectors
-    }
-
     fn new(n: usize) -> Self {
         let is_exact = n < 64 && 1_usize << n <= RANDOM_PERMUTATIONS;
         let count = if is_exact {

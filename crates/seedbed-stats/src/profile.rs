@@ -11,8 +11,7 @@
 
 use super::aggregate::sorted;
 use super::bootstrap::{
-    RESAMPLES, count_draws, for_each_resample, interval_between, sizes, smallest_stratum,
-    sorted_positions,
+    RESAMPLES, for_each_counts, interval_between, sizes, smallest_stratum, sorted_runs,
 };
 use super::{Estimate, Interval, MIN_RUNS};
 
@@ -30,7 +29,7 @@ pub fn performance_profile(tasks: &[Vec<f64>], thresholds: &[f64]) -> Vec<Estima
     let intervals = if n < MIN_RUNS {
         vec![Interval::TooFewRuns { n }; thresholds.len()]
     } else {
-        resampled_intervals(&sizes, &sorted_positions(&[tasks.to_vec()]), &counts_up_to)
+        resampled_intervals(&sizes, &sorted_runs(&[tasks.to_vec()]), &counts_up_to)
     };
     let share_above = |&count: &usize| (scores.len() - count) as f64 / scores.len() as f64;
     let values = counts_up_to.iter().map(share_above);
@@ -40,26 +39,19 @@ pub fn performance_profile(tasks: &[Vec<f64>], thresholds: &[f64]) -> Vec<Estima
         .collect()
 }
 
-/// 95 % intervals of the share of runs above each threshold.   `sizes: [task]`, `positions: [n]`,
+/// 95 % intervals of the share of runs above each threshold.   `sizes: [task]`, `order: [n]`,
 /// `counts_up_to: [T]` → `[T]`
 ///
 /// A share is a count of runs out of n. So it suffices to count how many resamples have each count,
 /// instead of sorting the shares of all resamples.
-fn resampled_intervals(
-    sizes: &[usize],
-    positions: &[u32],
-    counts_up_to: &[usize],
-) -> Vec<Interval> {
-    let n = positions.len();
+fn resampled_intervals(sizes: &[usize], order: &[u32], counts_up_to: &[usize]) -> Vec<Interval> {
+    let n = order.len();
     let mut resamples_with_count = vec![vec![0_u32; n + 1]; counts_up_to.len()];
-    // Numbers of drawn runs at each position, then at all earlier positions.
+    // Numbers of drawn runs at all earlier positions.
     let mut drawn_before = vec![0_u32; n + 1];
-    for_each_resample(sizes, |drawn| {
-        count_draws(drawn, positions, &mut drawn_before[1..]);
-        let mut sum = 0;
-        for count in &mut drawn_before {
-            sum += *count;
-            *count = sum;
+    for_each_counts(sizes, |counts| {
+        for (position, &run) in order.iter().enumerate() {
+            drawn_before[position + 1] = drawn_before[position] + u32::from(counts[run as usize]);
         }
         for (resamples, &count) in resamples_with_count.iter_mut().zip(counts_up_to) {
             resamples[n - drawn_before[count] as usize] += 1;

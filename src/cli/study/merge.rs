@@ -7,7 +7,6 @@ use crate::cli::execution::{jobs, lock_folder};
 use crate::cli::{CliError, pluralize};
 use seedbed::provenance::format_build_id;
 use seedbed::study::design::plan::StudyPlan;
-use seedbed::study::execute::runner;
 use seedbed::study::store::StudyFolder;
 use seedbed::study::store::merge::{self, MergeError, Merged};
 
@@ -58,9 +57,7 @@ fn repeat_a_run_of_each(
             continue;
         };
         let chosen = [run];
-        let differing = verify::repeat(plan, &chosen, &|runs, stop, on_verified| {
-            runner::verify(runs, source, jobs(&args.execution), stop, on_verified);
-        })?;
+        let differing = verify::repeat(plan, &chosen, source, jobs(&args.execution))?;
         if !differing.is_empty() {
             let file = source.result_file(&run.cell.digest, run.run_seed);
             return Err(CliError::Usage(format!(

@@ -1,18 +1,16 @@
 //! `seedbed study verify`: repeats stored or published runs that are drawn at random, and compares their
 //! bits.
 
-use std::path::PathBuf;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
-use super::arguments::{Amount, VerifyArgs};
+use super::arguments::VerifyArgs;
 use super::error_of;
 use super::plans::{Selection, check_same_study};
 use crate::cli::execution::{LOCK_IS_INTACT, damage_message, damaged_file, describe_run, jobs};
 use crate::cli::interruption::StopRequests;
 use crate::cli::progress::StudyProgress;
 use crate::cli::{CliError, pluralize, report};
-use seedbed::experiment::Outcome;
 use seedbed::study::design::cell::PlannedRun;
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::evaluate::agreement;
@@ -20,7 +18,7 @@ use seedbed::study::evaluate::completeness;
 use seedbed::study::evaluate::published::{self, PublishedRuns};
 use seedbed::study::evaluate::results::Results;
 use seedbed::study::execute::draw::Draw;
-use seedbed::study::execute::runner;
+use seedbed::study::execute::runner::{self, ExpectedResults};
 use seedbed::study::store::StudyFolder;
 
 /// Repeats some of the runs of each study.
@@ -28,7 +26,7 @@ pub(super) fn verify_all(args: &VerifyArgs) -> Result<(), CliError> {
     let selection = Selection::of_results(&args.studies, &args.results);
     let mut differing = 0;
     for (plan, folder) in selection.load()? {
-        differing += verify(args, &plan, &folder, args.runs)?;
+        differing += verify(args, &plan, &folder)?;
     }
     error_of(differing, "not reproduced")
 }
@@ -39,12 +37,7 @@ pub(super) fn verify_all(args: &VerifyArgs) -> Result<(), CliError> {
 ///
 /// # Errors
 /// If the results are not those of the study or of its lock, or cannot be read.
-fn verify(
-    args: &VerifyArgs,
-    plan: &StudyPlan,
-    folder: &StudyFolder,
-    amount: Amount,
-) -> Result<usize, CliError> {
+fn verify(args: &VerifyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, CliError> {
     let folder = &match args.results.place.out {
         Some(_) => folder.clone(),
         None => published::stored_or_beside(&plan.path, folder.clone()),
@@ -54,11 +47,19 @@ fn verify(
     let not_comparable =
         print_missing(&results) + print_without_source(plan, &results) + print_not_repeatable(plan);
     let differing = if published::is_published(folder) {
-        verify_published(args, plan, folder, results, amount)
+        let published = PublishedRuns::read(folder, results, plan);
+        let published = published.map_err(|error| CliError::Usage(error.to_string()))?;
+        verify_some(args, plan, &published, "published", folder)?
     } else {
-        verify_stored(args, plan, folder, amount)
+        verify_some(args, plan, folder, "stored", folder)?
     };
-    Ok(differing? + not_comparable)
+    if differing > 0 && !published::is_published(folder) {
+        note!(
+            "the stored results come from other code or another kind of machine; delete {} to repeat all runs",
+            folder.runs_folder().display()
+        );
+    }
+    Ok(differing + not_comparable)
 }
 
 /// The results of a study.
@@ -132,47 +133,31 @@ fn is_repeatable(run: &PlannedRun<'_>) -> bool {
     run.cell.source.repeatability_warning().is_none()
 }
 
-fn verify_stored(
+/// Repeats some of the runs that are there, and prints which differ. `state`: `stored` or `published`. Returns the
+/// number of those that differ.
+fn verify_some(
     args: &VerifyArgs,
     plan: &StudyPlan,
+    expected: &dyn ExpectedResults,
+    state: &str,
     folder: &StudyFolder,
-    amount: Amount,
 ) -> Result<usize, CliError> {
-    let is_stored = |run: &PlannedRun<'_>| folder.stored_run(run).is_some();
-    let chosen = choose(args, plan.distinct_runs(), is_stored, amount, folder)?;
-    let differing = repeat(plan, &chosen.runs, &|runs, stop, on_verified| {
-        runner::verify(runs, folder, jobs(&args.execution), stop, on_verified);
-    })?;
-    chosen.print(plan, "stored", &differing, |run| {
-        folder.result_file(&run.cell.digest, run.run_seed)
-    });
-    if !differing.is_empty() {
+    let chosen = choose(args, plan.distinct_runs(), expected, folder)?;
+    let differing = repeat(plan, &chosen.runs, expected, jobs(&args.execution))?;
+    let repeated = chosen.runs.len();
+    say!(
+        "verified   {}: {} of {repeated} repeated runs are bit-identical ({} {state})",
+        plan.name,
+        repeated - differing.len(),
+        pluralize(chosen.total, "run")
+    );
+    for run in &differing {
+        let location = expected.location(run);
         note!(
-            "the stored results come from other code or another kind of machine; delete {} to repeat all runs",
-            folder.runs_folder().display()
+            "differs    {}",
+            describe_run(run, &location.display().to_string())
         );
     }
-    Ok(differing.len())
-}
-
-fn verify_published(
-    args: &VerifyArgs,
-    plan: &StudyPlan,
-    folder: &StudyFolder,
-    results: Results,
-    amount: Amount,
-) -> Result<usize, CliError> {
-    let published = PublishedRuns::read(folder, results, plan);
-    let published = published.map_err(|error| CliError::Usage(error.to_string()))?;
-    let is_published = |run: &PlannedRun<'_>| published.contains(run);
-    let chosen = choose(args, plan.distinct_runs(), is_published, amount, folder)?;
-    let differing = repeat(plan, &chosen.runs, &|runs, stop, on_verified| {
-        let is_reproduced =
-            |run: &PlannedRun<'_>, outcome: &Outcome| published.is_reproduced_by(run, outcome);
-        let jobs = jobs(&args.execution);
-        runner::verify_published(runs, &is_reproduced, jobs, stop, on_verified);
-    })?;
-    chosen.print(plan, "published", &differing, |_| folder.path().to_owned());
     Ok(differing.len())
 }
 
@@ -197,11 +182,11 @@ pub(super) fn draw(number: Option<u64>) -> Result<Draw, CliError> {
 fn choose<'a>(
     args: &VerifyArgs,
     runs: Vec<PlannedRun<'a>>,
-    is_there: impl Fn(&PlannedRun<'_>) -> bool,
-    amount: Amount,
+    expected: &dyn ExpectedResults,
     folder: &StudyFolder,
 ) -> Result<Chosen<'a>, CliError> {
-    let mut there: Vec<PlannedRun<'a>> = runs.into_iter().filter(|run| is_there(run)).collect();
+    let mut there = runs;
+    there.retain(|run| expected.contains(run));
     if there.is_empty() {
         return Err(no_runs(folder));
     }
@@ -212,7 +197,7 @@ fn choose<'a>(
     }
     let draw = draw(args.draw)?;
     let chosen = Chosen {
-        runs: draw.choose(&there, amount.of(there.len())),
+        runs: draw.choose(&there, args.runs.of(there.len())),
         total: there.len(),
     };
     say!(
@@ -225,21 +210,19 @@ fn choose<'a>(
     Ok(chosen)
 }
 
-/// Repeats the given runs until the flag is set, and calls the function with whether each is the same.
-pub(super) type Repeat<'a, 'f> =
-    &'f dyn Fn(&'a [PlannedRun<'a>], &AtomicBool, &(dyn Fn(&'a PlannedRun<'a>, bool) + Sync));
-
-/// Repeats runs. Returns those whose result differs, in the order of their indices.
+/// Repeats runs on `jobs` threads. Returns those whose result is not the expected one, in the order of their
+/// indices.
 pub(super) fn repeat<'a>(
     plan: &StudyPlan,
     runs: &'a [PlannedRun<'a>],
-    repeat: Repeat<'a, '_>,
+    expected: &dyn ExpectedResults,
+    jobs: usize,
 ) -> Result<Vec<PlannedRun<'a>>, CliError> {
     let stop_requests = StopRequests::listen("stopping; stored results are unchanged");
     let stop = stop_requests.flag();
     let progress = Mutex::new(StudyProgress::new(&plan.name, runs));
     let differing = Mutex::new(Vec::new());
-    repeat(runs, stop, &|run, is_same| {
+    runner::verify(runs, expected, jobs, stop, &|run, is_same| {
         progress.lock().expect(LOCK_IS_INTACT).run_finished(run);
         if !is_same {
             differing.lock().expect(LOCK_IS_INTACT).push(*run);
@@ -254,29 +237,4 @@ pub(super) fn repeat<'a>(
     let mut differing = differing.into_inner().expect(LOCK_IS_INTACT);
     differing.sort_by_key(|run| run.index);
     Ok(differing)
-}
-
-impl Chosen<'_> {
-    /// Prints how many runs are the same, and each that differs with the file that says otherwise.
-    fn print(
-        &self,
-        plan: &StudyPlan,
-        state: &str,
-        differing: &[PlannedRun<'_>],
-        file: impl Fn(&PlannedRun<'_>) -> PathBuf,
-    ) {
-        let repeated = self.runs.len();
-        say!(
-            "verified   {}: {} of {repeated} repeated runs are bit-identical ({} {state})",
-            plan.name,
-            repeated - differing.len(),
-            pluralize(self.total, "run")
-        );
-        for run in differing {
-            note!(
-                "differs    {}",
-                describe_run(run, &file(run).display().to_string())
-            );
-        }
-    }
 }

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::run_source::RunSource;
 use crate::experiment::measure::Measure;
 use crate::input_files;
-use crate::study::design::run_source::RunSource;
 use crate::study::external::{ExternalCell, ExternalRuns};
 use seedbed_env::Quantity;
 

@@ -130,6 +130,12 @@ const RULES: [(ClaimDirection, Rule); 5] = [
 ];
 
 impl ClaimDirection {
+    /// Its name in study files and locks, such as `More`.
+    #[must_use]
+    pub fn name(self) -> String {
+        ron::to_string(&self).expect("plain data always serializes")
+    }
+
     /// Its row of the table.
     ///
     /// # Panics

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::cell::Cell;
+use super::figure::{EpisodeWindow, Figure};
+use super::file::{Axis, NamedCell, Study};
+use super::run_source::{self, RunSource as _, ScenarioRuns};
 use crate::experiment::{self, LoadError, LoadStep};
 use crate::input_files::{self, Directory};
-use crate::study::design::cell::Cell;
-use crate::study::design::figure::{EpisodeWindow, Figure};
-use crate::study::design::file::{Axis, NamedCell, Study};
-use crate::study::design::run_source::{RunSource as _, ScenarioRuns};
-use crate::study::external::{ExternalRuns, ExternalSpec, Problem};
+use crate::study::external::Problem;
 use seedbed_input::limits::{MAX_CELLS, MAX_RUNS};
 use seedbed_input::{InputError, Located, ValidationError};
 
@@ -20,8 +20,8 @@ pub(in crate::study) type Override<'a> = (&'a Located<String>, String);
 #[derive(Clone, Default)]
 pub(in crate::study) struct CellDraft<'a> {
     name_parts: Vec<String>,
-    /// The cell in the study file, if it has results of others.
-    external: Option<(&'a Study, &'a NamedCell)>,
+    /// The cell in the study file, if it is a named one.
+    named: Option<(&'a Study, &'a NamedCell)>,
     scenario: Option<Override<'a>>,
     overrides: Vec<Override<'a>>,
 }
@@ -227,13 +227,6 @@ fn named_cell_draft<'a>(
     study: &'a Study,
     cell: &'a NamedCell,
 ) -> CellDraft<'a> {
-    if cell.results.is_some() {
-        return CellDraft {
-            name_parts: vec![cell.name.value().clone()],
-            external: Some((study, cell)),
-            ..CellDraft::default()
-        };
-    }
     let scenario = cell
         .scenario
         .as_ref()
@@ -241,6 +234,7 @@ fn named_cell_draft<'a>(
         .or_else(|| shared_settings.scenario.clone());
     let draft = CellDraft {
         name_parts: vec![cell.name.value().clone()],
+        named: Some((study, cell)),
         scenario,
         ..shared_settings.clone()
     };
@@ -319,8 +313,18 @@ impl<'a> CellDraft<'a> {
         figures: &[Figure],
         error_place: Option<&Located<String>>,
     ) -> Result<Cell, Problem> {
-        if let Some((study, cell)) = self.external {
-            return external_cell(folder, study, cell);
+        let name = self.name_parts.join(", ");
+        if let Some((study, cell)) = self.named
+            && let Some((scenario, source)) = run_source::of_named_cell(folder, study, cell)?
+        {
+            return Ok(Cell {
+                name,
+                scenario,
+                overrides: Vec::new(),
+                digest: source.digest(),
+                source,
+                windows: Vec::new(),
+            });
         }
         let Some((place, scenario)) = &self.scenario else {
             let place = error_place.cloned().unwrap_or_default();
@@ -333,17 +337,15 @@ impl<'a> CellDraft<'a> {
         let path = scenario_path(folder, place, scenario)?;
         let (places, overrides): (Vec<&Located<String>>, Vec<String>) =
             self.overrides.into_iter().unzip();
-        let experiment =
-            experiment::load(&path, &overrides).map_err(|LoadError { step, error }| {
-                let place = match step {
-                    LoadStep::Read => *place,
-                    LoadStep::Override(index) => places[index],
-                    LoadStep::Check => error_place.unwrap_or(place),
-                };
-                error_at(place, &error)
-            })?;
-        let name = self.name_parts.join(", ");
-        let runs = ScenarioRuns::new(experiment);
+        let loaded = experiment::load(&path, &overrides).map_err(|LoadError { step, error }| {
+            let place = match step {
+                LoadStep::Read => *place,
+                LoadStep::Override(index) => places[index],
+                LoadStep::Check => error_place.unwrap_or(place),
+            };
+            error_at(place, &error)
+        })?;
+        let runs = ScenarioRuns::new(loaded.experiment);
         Ok(Cell {
             digest: runs.digest(),
             windows: windows(figures, &name),
@@ -353,42 +355,6 @@ impl<'a> CellDraft<'a> {
             name,
         })
     }
-}
-
-/// A cell of results of others.
-fn external_cell(folder: &Path, study: &Study, cell: &NamedCell) -> Result<Cell, Problem> {
-    let Some(source) = &cell.results else {
-        return Err(cell.name.error("expected `results`").into());
-    };
-    let max_episodes = cell
-        .max_episodes
-        .as_deref()
-        .or(study.max_episodes.as_deref());
-    let max_steps = cell.max_steps.as_deref().or(study.max_steps.as_deref());
-    let runs = ExternalRuns::load(
-        folder,
-        ExternalSpec {
-            source: source.clone(),
-            place: cell.name.clone(),
-            solved: cell
-                .solved
-                .as_ref()
-                .or(study.solved.as_ref())
-                .map(|solved| **solved),
-            agents: cell.agents.as_ref().map(|agents| agents.get()),
-            max_episodes: max_episodes.map(|max| max.get()),
-            max_steps: max_steps.map(|max| max.get().into()),
-            repeats: cell.repeats.as_ref().map(|repeats| repeats.get()),
-        },
-    )?;
-    Ok(Cell {
-        name: cell.name.value().clone(),
-        scenario: runs.source(),
-        overrides: Vec::new(),
-        digest: runs.digest(),
-        source: Arc::new(runs),
-        windows: Vec::new(),
-    })
 }
 
 /// Path of the scenario that a study in `folder` names. A path is relative to the study; a name is

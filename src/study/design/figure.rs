@@ -1,13 +1,13 @@
 //! Figures in study files.
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use crate::experiment::measure::{Curve, Measure};
 use seedbed_input::numbers::{Count, ranged_count};
 use seedbed_input::{Located, ValidationError};
 
 /// A figure of the report.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Figure {
     /// One curve over episodes per cell, the mean over its runs, with 95 % bands.
@@ -125,7 +125,7 @@ pub enum Figure {
 }
 
 /// Episodes from the start of training.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 pub enum EpisodeWindow {
     /// The given number of first episodes of each agent.
     First(Count),

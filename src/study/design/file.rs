@@ -1,11 +1,11 @@
 //! Study files: the cells that are compared, the number of runs per cell, and claims that are
 //! registered before the runs.
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
+use super::direction::ClaimDirection;
+use super::figure::Figure;
 use crate::experiment::measure::Measure;
-use crate::study::design::direction::ClaimDirection;
-use crate::study::design::figure::Figure;
 use crate::study::external::source::{ResultsSource, SolvedAt};
 use seedbed_input::numbers::{Count, Fraction, Positive, ranged_count};
 use seedbed_input::{Located, ValidationError};
@@ -14,7 +14,7 @@ use seedbed_input::{Located, ValidationError};
 pub const FIRST_REPORTING_SEED: u64 = 1000;
 
 /// A study file: `Study(…)` in `scenarios/`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Study {
     /// Title of the report.
@@ -60,22 +60,21 @@ pub struct Study {
     #[serde(default)]
     pub pairs_share: String,
     /// When results of others count as solved, in all cells that do not say it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub solved: Option<Located<SolvedAt>>,
     /// Maximum number of episodes per agent of results of others, in all cells that do not give
     /// another one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub max_episodes: Option<Located<Count>>,
     /// Maximum number of environment steps of the team of results of others, in all cells that do not
     /// give another one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub max_steps: Option<Located<Count<4_000_000_000>>>,
     /// Which cells explore without direction, for a study that compares exploration.
-    // Not in the hash of studies that lack it, so that locks of earlier versions stay valid.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub exploration: Option<Exploration>,
     /// What the report says of the size of teams.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub scaling: Option<Scaling>,
     /// Figures of the report.
     #[serde(default)]
@@ -84,7 +83,7 @@ pub struct Study {
 
 /// The gate for tasks of exploration: a task counts only if the best undirected baseline of a team
 /// reaches less than 0.2 in a measure, and some method of an equal team more than 0.8.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Exploration {
     /// Cells that explore by random actions only.
@@ -95,7 +94,7 @@ pub struct Exploration {
 
 /// Tables of speed-up, efficiency and diversity for cells whose names differ in a part `K n`, the number
 /// of agents.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scaling {
     /// `Regret`, or a time in episodes.
@@ -105,8 +104,32 @@ pub struct Scaling {
     pub diversity: Vec<(Located<String>, Located<String>)>,
 }
 
+impl Scaling {
+    /// Checks the measure, and that pairs are parts of the names of cells.
+    ///
+    /// # Errors
+    /// The invalid field, and the reason.
+    fn check(&self, cells: &[&str]) -> Result<(), ValidationError> {
+        let measure = *self.measure;
+        if !(measure == Measure::Regret || measure.is_time() && measure.counts_episodes()) {
+            return Err(self
+                .measure
+                .error("expected `Regret`, `EpisodesToSolve` or `FirstGoal`"));
+        }
+        let parts = self
+            .diversity
+            .iter()
+            .flat_map(|(with, without)| [with, without]);
+        let is_unknown = |part: &&Located<String>| !cells.iter().any(|cell| has_part(cell, part));
+        match parts.into_iter().find(is_unknown) {
+            None => Ok(()),
+            Some(part) => Err(unknown_part(part)),
+        }
+    }
+}
+
 /// One axis of a grid: values that replace `{}` in `scenario` and `set`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
     /// Text before the value in the names of cells, such as `σ`; may be empty.
@@ -131,7 +154,7 @@ pub struct Axis {
 }
 
 /// A cell that is not part of the grid.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NamedCell {
     /// Name of the cell in claims, figures and the report.
@@ -143,33 +166,31 @@ pub struct NamedCell {
     #[serde(default)]
     pub set: Vec<Located<String>>,
     /// Results that others made, in place of runs of a scenario.
-    // The fields of such cells are not in the hash of studies that lack them, so that locks of
-    // earlier versions stay valid.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub results: Option<ResultsSource>,
     /// Name of the task of these results [default: the task of the other cells].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub task: Option<Located<String>>,
     /// Number of these runs [default: as many as there are, and in a registered study its `repeats`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub repeats: Option<Located<Count<100_000>>>,
     /// Number of agents of each of these runs [default: as the files say].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub agents: Option<Located<Count>>,
     /// When these runs count as solved [default: as the study says].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub solved: Option<Located<SolvedAt>>,
     /// Maximum number of episodes per agent [default: as the study says]. Later episodes are not used.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub max_episodes: Option<Located<Count>>,
     /// Maximum number of environment steps of the team [default: as the study says]. Episodes that
     /// ended later are not used.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub max_steps: Option<Located<Count<4_000_000_000>>>,
 }
 
 /// Settings of a shorter version of the study, to check it before the long runs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Quick {
     /// Number of runs per cell.
@@ -180,7 +201,7 @@ pub struct Quick {
 }
 
 /// A claim about two cells, registered before the runs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
     /// The claim as text.
@@ -225,7 +246,7 @@ pub struct Claim {
 }
 
 /// What is expected of the runs of two cells, for the computation of power.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Expected {
     /// Shares of successful runs of the first and of the second cell.
@@ -273,9 +294,9 @@ impl Claim {
             .horizon
             .map_or("default".to_owned(), |horizon| horizon.get().to_string());
         format!(
-            "{first_cell} | {second_cell} | {} | {:?} | {} | {role} | {pairing} | horizon {horizon}",
+            "{first_cell} | {second_cell} | {} | {} | {} | {role} | {pairing} | horizon {horizon}",
             study.measure_of(self).canonical_text(),
-            self.direction,
+            self.direction.name(),
             self.smallest.get(),
         )
     }
@@ -287,7 +308,7 @@ pub(in crate::study) fn has_part(cell: &str, part: &str) -> bool {
 }
 
 /// The error that no cell has this part in its name.
-pub(in crate::study) fn unknown_part(part: &Located<String>) -> ValidationError {
+fn unknown_part(part: &Located<String>) -> ValidationError {
     part.error(format!(
         "no cell has `{}` in its name; expected a part of a cell's name, as separated by commas",
         part.as_str()

@@ -1,14 +1,16 @@
-//! Digests of cells in locks of earlier versions, which were hashes of printed settings.
+//! Locks of earlier versions, in which digests were hashes of printed settings, and claims had printed measures.
 //!
-//! A lock cannot be changed, because run seeds are derived from it. What its digests are called today is written in a
-//! file beside it, which also explains published results.
+//! A lock cannot be changed, because run seeds are derived from it. What the digests of its cells are called today is
+//! written in a file beside it, which also explains published results. Hashes of the study files are known for all locks
+//! of these versions.
 
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::cell::CellDescription;
+use crate::experiment::measure::Measure;
 use crate::study::FileError;
-use crate::study::design::cell::CellDescription;
 use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_text};
 
 /// What the digests of a study's cells are in its lock: the contents of `STUDY.digests`.
@@ -53,7 +55,7 @@ impl FormerDigests {
     }
 
     /// Cells with the digests that they had when the study was locked.
-    pub(in crate::study) fn of_cells(&self, cells: Vec<CellDescription>) -> Vec<CellDescription> {
+    pub(super) fn of_cells(&self, cells: Vec<CellDescription>) -> Vec<CellDescription> {
         let with_former = |cell: CellDescription| match self.by_digest.get(&cell.digest) {
             Some(former) => CellDescription {
                 digest: former.clone(),
@@ -63,6 +65,43 @@ impl FormerDigests {
         };
         cells.into_iter().map(with_former).collect()
     }
+}
+
+/// Today's hash of each study file that an earlier version locked, the hash in its lock, and its name.
+const FORMER_STUDIES: &str = include_str!("former_studies.txt");
+
+/// Whether `written`, in a lock, is the hash of the study file with today's hash `hash`.
+pub(super) fn is_hash_of_study(written: &str, hash: &str) -> bool {
+    let are_together = |line: &str| line.starts_with(&format!("{hash} {written} "));
+    written == hash || FORMER_STUDIES.lines().any(are_together)
+}
+
+/// Claims as they are written today. In earlier versions, the measure in the third part of the text was printed as
+/// `At { of: Return, episode: Count(9) }`.
+pub(in crate::study) fn claims_of_today(claims: &[String]) -> Vec<String> {
+    let of_today = |claim: &String| {
+        let parts: Vec<&str> = claim.splitn(4, " | ").collect();
+        let [first, second, measure, rest] = parts[..] else {
+            return claim.clone();
+        };
+        match former_measure(measure) {
+            Some(measure) => format!("{first} | {second} | {} | {rest}", measure.canonical_text()),
+            None => claim.clone(),
+        }
+    };
+    claims.iter().map(of_today).collect()
+}
+
+/// The measure that an earlier version printed; `None` if the text is of today.
+fn former_measure(text: &str) -> Option<Measure> {
+    const NUMBER: &str = "Count(";
+    let mut text = text.replace(" { ", "(").replace(" }", ")");
+    while let Some(start) = text.find(NUMBER) {
+        let length = text[start..].find(')')?;
+        text.remove(start + length);
+        text.replace_range(start..start + NUMBER.len(), "");
+    }
+    ron::from_str(&text).ok()
 }
 
 #[cfg(test)]
@@ -93,6 +132,42 @@ mod tests {
             let registered = plan.registered();
             assert!(registered.is_ok(), "{}: {registered:?}", path.display());
         }
+    }
+
+    #[test]
+    fn former_measures_in_claims_are_written_as_today() {
+        for (former, today) in [
+            (
+                "a | b | At { of: TeamCoverage, episode: Count(230) } | More | 1 | x | y",
+                "a | b | At(episode = 230, of = TeamCoverage) | More | 1 | x | y",
+            ),
+            (
+                "a | b | FinalReturn { window: Count(25) } | More",
+                "a | b | FinalReturn | More",
+            ),
+            (
+                "a | b | Solved | Less | { Count(3) }",
+                "a | b | Solved | Less | { Count(3) }",
+            ),
+            ("a | b | Count(3 | Less", "a | b | Count(3 | Less"),
+            ("p", "p"),
+        ] {
+            assert_eq!(claims_of_today(&[former.to_owned()]), [today]);
+            assert_eq!(claims_of_today(&[today.to_owned()]), [today]);
+        }
+    }
+
+    #[test]
+    fn a_changed_study_file_is_not_that_of_its_lock() {
+        let path = Path::new("scenarios/coordination/planners.ron");
+        let mut plan = StudyPlan::load_before_results(path, false).unwrap();
+        let changed = plan.document.text.replacen("title: \"", "title: \"New ", 1);
+        plan.document = seedbed_input::parse("planners.ron", changed).unwrap();
+        let error = plan.registered().unwrap_err().to_string();
+        assert!(
+            error.contains("a text, a figure, a measure or another value was changed"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -10,14 +10,16 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::cell::CellDescription;
+use super::file::{Claim, NamedCell, Study};
+use super::former_digests::{claims_of_today, is_hash_of_study};
 use crate::provenance;
 use crate::storage::hashes::sha256;
 use crate::study::FileError;
-use crate::study::design::cell::CellDescription;
-use crate::study::design::file::{Claim, NamedCell, Study};
 use crate::study::external::FileHash;
 use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_text};
-use seedbed_input::{FORMER_NAMES, InputError};
+use seedbed_input::{FORMER_NAMES, InputError, settings_of};
+use seedbed_settings::SCHEMA_VERSION;
 use seedbed_stats::family::FAMILY_LEVEL;
 
 /// Number of digits of an id that are shown.
@@ -168,7 +170,6 @@ impl Registered {
         name: &str,
         (study, text): (&Study, &str),
         cells: &[CellDescription],
-        settings_version: u32,
     ) -> Self {
         let claim = |claim: &Claim| format!("{} | {}", claim.canonical_text(study), claim.text);
         Self {
@@ -176,12 +177,12 @@ impl Registered {
             level: FAMILY_LEVEL,
             looks: study.looks(),
             claims: study.claims.iter().map(claim).collect(),
-            settings_version,
+            settings_version: SCHEMA_VERSION,
             cells: cells
                 .iter()
                 .map(|cell| (cell.name.clone(), cell.digest.clone()))
                 .collect(),
-            study_hash: hash_of_study(study, text, settings_version),
+            study_hash: settings_of::<Study>(text).digest(&FORMER_NAMES),
             descriptions_hash: sha256_of_json(&without_paths(study, cells)),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             commit: provenance::commit().map(str::to_owned),
@@ -200,18 +201,11 @@ impl Registered {
     /// What differs from `other` in claims, cells and looks, as sentences without a full stop.
     pub(in crate::study) fn differences(&self, other: &Self) -> Vec<String> {
         let mut differences = Vec::new();
-        for claim in self
-            .claims
-            .iter()
-            .filter(|claim| !other.claims.contains(claim))
-        {
+        let [locked, planned] = [&self.claims, &other.claims].map(|claims| claims_of_today(claims));
+        for claim in locked.iter().filter(|claim| !planned.contains(claim)) {
             differences.push(format!("the claim `{claim}` is not in the study"));
         }
-        for claim in other
-            .claims
-            .iter()
-            .filter(|claim| !self.claims.contains(claim))
-        {
+        for claim in planned.iter().filter(|claim| !locked.contains(claim)) {
             differences.push(format!("the claim `{claim}` is not in the lock"));
         }
         if self.looks != other.looks {
@@ -240,7 +234,7 @@ impl Registered {
                 other.study, self.study
             ));
         }
-        if differences.is_empty() && self.study_hash != other.study_hash {
+        if differences.is_empty() && !is_hash_of_study(&self.study_hash, &other.study_hash) {
             differences.push("a text, a figure, a measure or another value was changed".to_owned());
         }
         if differences.is_empty() && self.descriptions_hash != other.descriptions_hash {
@@ -273,14 +267,6 @@ impl RegisteredResults {
             not_fixed: NOT_FIXED.to_owned(),
         })
     }
-}
-
-/// SHA-256 of the values of a study file: of those that differ from their defaults or, in earlier versions, of all.
-fn hash_of_study(study: &Study, text: &str, settings_version: u32) -> String {
-    if settings_version == 0 {
-        return sha256_of_json(study);
-    }
-    seedbed_input::settings_of::<Study>(text).digest(&FORMER_NAMES)
 }
 
 #[expect(
@@ -412,15 +398,18 @@ impl Lock {
     /// Claims of earlier locks that this lock does not have, each once.
     #[must_use]
     pub fn withdrawn_claims(&self) -> Vec<&str> {
+        let mut known = claims_of_today(&self.registered.claims);
         let mut withdrawn: Vec<&str> = Vec::new();
-        for claim in self
-            .registered
-            .ancestors
-            .iter()
-            .flat_map(|ancestor| &ancestor.claims)
-        {
-            if !self.registered.claims.contains(claim) && !withdrawn.contains(&claim.as_str()) {
-                withdrawn.push(claim);
+        for ancestor in &self.registered.ancestors {
+            for (written, claim) in ancestor
+                .claims
+                .iter()
+                .zip(claims_of_today(&ancestor.claims))
+            {
+                if !known.contains(&claim) {
+                    withdrawn.push(written);
+                    known.push(claim);
+                }
             }
         }
         withdrawn
@@ -448,7 +437,6 @@ fn file_error(path: &Path, error: &dyn Display) -> FileError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_settings::SCHEMA_VERSION;
 
     fn registered(claims: &[&str], looks: &[u64]) -> Registered {
         Registered {

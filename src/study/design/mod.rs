@@ -13,4 +13,4 @@ mod registration;
 pub mod run_source;
 
 pub(in crate::study) use drafts::{CellDraft, located_text};
-pub(in crate::study) use former_digests::FormerDigests;
+pub(in crate::study) use former_digests::{FormerDigests, claims_of_today};

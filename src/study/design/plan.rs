@@ -3,13 +3,13 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use super::cell::{Cell, PlannedRun, missing_measure};
+use super::drafts::cells;
+use super::figure::Figure;
+use super::file::Study;
+use super::lock::Lock;
 use crate::input_files::{self};
 use crate::scenario::synonyms;
-use crate::study::design::cell::{Cell, PlannedRun, missing_measure};
-use crate::study::design::drafts::cells;
-use crate::study::design::figure::Figure;
-use crate::study::design::file::Study;
-use crate::study::design::lock::Lock;
 use crate::study::external::{ExternalRuns, Problem};
 use crate::text::file_stem;
 use seedbed_input::{Document, InputError, ValidationError};

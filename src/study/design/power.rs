@@ -1,6 +1,6 @@
 //! Numbers of runs that the confirmatory claims of a study need, computed before the runs.
 
-use crate::study::design::file::{Claim, Expected, Study};
+use super::file::{Claim, Expected, Study};
 use seedbed_stats::family::{FAMILY_LEVEL, levels_of_looks};
 use seedbed_stats::power::{power_of_differences, power_of_means, power_of_shares, runs_needed};
 

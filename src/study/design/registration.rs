@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::study::design::FormerDigests;
-use crate::study::design::cell::{Cell, CellDescription};
-use crate::study::design::file::Study;
-use crate::study::design::lock::{Lock, Registered, RegistrationError, SeenFile};
-use crate::study::design::plan::StudyPlan;
+use super::FormerDigests;
+use super::cell::{Cell, CellDescription};
+use super::file::Study;
+use super::lock::{Lock, Registered, RegistrationError, SeenFile};
+use super::plan::StudyPlan;
 use crate::study::external::{ExternalRuns, SeenFiles};
 use crate::study::file_error::{replace_file, to_json};
-use seedbed_settings::SCHEMA_VERSION;
 
 impl Lock {
     /// Registers a study: writes its lock beside the study file. If there is a lock already, the
@@ -73,7 +72,7 @@ impl Lock {
 impl Registered {
     fn of_plan(plan: &StudyPlan) -> Self {
         let cells = descriptions(plan);
-        Self::of(&plan.name, study_of(plan), &cells, SCHEMA_VERSION)
+        Self::of(&plan.name, study_of(plan), &cells)
     }
 
     /// What differs between this and a study, as sentences without a full stop.
@@ -85,7 +84,7 @@ impl Registered {
                 .map_err(RegistrationError::Unreadable)?
                 .of_cells(cells);
         }
-        let planned = Self::of(&plan.name, study_of(plan), &cells, self.settings_version);
+        let planned = Self::of(&plan.name, study_of(plan), &cells);
         Ok(self.differences(&planned))
     }
 }

@@ -4,11 +4,11 @@
 
 use std::collections::HashSet;
 
+use super::results::Results;
 use crate::study::design::FormerDigests;
 use crate::study::design::cell::CellDescription;
 use crate::study::design::file::Study;
 use crate::study::design::plan::StudyPlan;
-use crate::study::evaluate::results::Results;
 use crate::study::external::ExternalCell;
 use crate::study::store::Manifest;
 use crate::text::pluralize;
@@ -25,7 +25,7 @@ pub fn differences(plan: &StudyPlan, results: &Results) -> Vec<String> {
     let mut differences = differences_of_cells(&expected.cells, &described.cells, &former);
     differences.extend(differences_of_run_seeds(&expected, described));
     differences.extend(differences_of_claims(plan.study(), &results.study));
-    if differences.is_empty() && values(plan.study()) != values(&results.study) {
+    if differences.is_empty() && plan.study() != &results.study {
         differences.push("a text, a figure, a measure or another value was changed".to_owned());
     }
     if differences.is_empty() {
@@ -137,11 +137,6 @@ fn claims(study: &Study) -> Vec<String> {
     claims
         .map(|claim| format!("{} | {}", claim.canonical_text(study), claim.text))
         .collect()
-}
-
-/// All values of a study file as JSON, without its layout and comments.
-fn values(study: &Study) -> String {
-    serde_json::to_string(study).expect("plain data always serializes")
 }
 
 /// That the lock in the description is another one, or why the results do not confirm it.

@@ -1,10 +1,10 @@
 //! Whether results confirm what was registered.
 
+use super::results::{Audit, CellResults, Results};
 use crate::experiment::shown_digits;
 use crate::provenance;
 use crate::study::design::lock::list;
 use crate::study::design::lock::{Lock, Registered, SeenFile};
-use crate::study::evaluate::results::{Audit, CellResults, Results};
 use crate::study::external::SeenFiles;
 use crate::study::store::StudyFolder;
 use crate::text::pluralize;
@@ -44,9 +44,8 @@ fn broken(lock: &Lock, results: &Results) -> Vec<String> {
     if manifest.quick || Some(&manifest.repeats) != lock.registered.looks.last() {
         broken.push("The results say another number of runs per cell than the lock.".to_owned());
     }
-    let version = lock.registered.settings_version;
     let study = (&results.study, manifest.study.as_str());
-    let reported = Registered::of(&manifest.name, study, &manifest.cells, version);
+    let reported = Registered::of(&manifest.name, study, &manifest.cells);
     for difference in lock.registered.differences(&reported) {
         broken.push(format!(
             "The reported study differs from its lock: {difference}."

@@ -9,11 +9,11 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 
+use super::comparison::{Comparison, Samples};
+use super::results::{CellResults, Results, default_horizon};
+use super::rules::Quantity;
 use crate::study::design::direction::{Bound, ClaimDirection, Rule};
 use crate::study::design::file::Claim;
-use crate::study::evaluate::comparison::{Comparison, Samples};
-use crate::study::evaluate::results::{CellResults, Results, default_horizon};
-use crate::study::evaluate::rules::Quantity;
 use seedbed_input::numbers::Positive;
 use seedbed_stats::effect_test::EffectTest;
 use seedbed_stats::family::{holm_correction, holm_decisions};

@@ -3,10 +3,10 @@
 //!
 //! Each kind of measure has one effect and one test: see [`rules`](super::rules).
 
+use super::rules::{Pairing, Quantity, Rule, share_of_successes};
+use super::score::{RunScore, times_to_event};
+use super::ties::with_equal_ties;
 use crate::experiment::measure::Measure;
-use crate::study::evaluate::rules::{Pairing, Quantity, Rule, share_of_successes};
-use crate::study::evaluate::score::{RunScore, times_to_event};
-use crate::study::evaluate::ties::with_equal_ties;
 use seedbed_stats::aggregate::{mean, median};
 use seedbed_stats::bootstrap::bootstrap_mean_and_interquartile_mean;
 use seedbed_stats::effect_test::{EffectTest, OfRange, Opposite, lower_bound, upper_bound};

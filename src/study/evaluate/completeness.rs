@@ -1,8 +1,8 @@
 //! Whether the results of all runs are there. Runs that are missing may have been left out because of
 //! their results.
 
-use crate::study::evaluate::claims;
-use crate::study::evaluate::results::Results;
+use super::claims;
+use super::results::Results;
 use crate::text::pluralize;
 use seedbed_stats::Verdict;
 
@@ -18,7 +18,7 @@ pub fn missing_sentence(results: &Results) -> String {
 /// Counts the runs of the next look as missing if registered results end at a look at which claims are
 /// open: a registered study ends at its last look, or when all of its confirmatory claims are decided.
 /// Returns whether there are such runs.
-pub(in crate::study) fn count_next_look(results: &mut Results) -> bool {
+pub(super) fn count_next_look(results: &mut Results) -> bool {
     let missing = runs_of_next_look(results).unwrap_or(0);
     let cells = results.cells.iter_mut();
     let own_cells = cells.filter(|cell| cell.description.external.is_none());

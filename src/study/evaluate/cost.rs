@@ -1,10 +1,10 @@
 //! What the results of a study cost: episodes, environment steps and gradient steps until the task
 //! is solved, and the speed-up over the best single agent.
 
+use super::results::{CellResults, Results, known_horizon};
+use super::score::RunCost;
+use super::score::times_to_event;
 use crate::experiment::measure::Measure;
-use crate::study::evaluate::results::{CellResults, Results, known_horizon};
-use crate::study::evaluate::score::RunCost;
-use crate::study::evaluate::score::times_to_event;
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::shares::Share;
 

@@ -4,11 +4,11 @@
 //! Undirected baselines explore by random actions only (ε, entropy, Gaussian noise). A task that they
 //! solve says nothing about exploration, and neither does a task that no method solves.
 
+use super::results::{CellResults, Results};
+use super::rules::Quantity;
+use super::score::RunScore;
 use crate::experiment::measure::Measure;
 use crate::study::design::file::Exploration;
-use crate::study::evaluate::results::{CellResults, Results};
-use crate::study::evaluate::rules::Quantity;
-use crate::study::evaluate::score::RunScore;
 use crate::text::short_number as number;
 use seedbed_stats::aggregate::mean;
 

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
+use super::results::{Audit, CellResults, Results, ResultsError};
+use super::{completeness, published};
 use crate::study::design::file::Study;
-use crate::study::evaluate::results::{Audit, CellResults, Results, ResultsError};
-use crate::study::evaluate::{completeness, published};
 use crate::study::store::StudyFolder;
 use crate::text::shell_word;
 

@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
+use super::score::RunCost;
+use super::score::RunScore;
 use crate::experiment::measure::Measure;
 use crate::experiment::run_result::{RunResult, VisitedStates};
 use crate::provenance::BuildId;
@@ -10,8 +12,6 @@ use crate::study::FileError;
 use crate::study::design::cell::CellDescription;
 use crate::study::design::figure::{EpisodeWindow, Figure};
 use crate::study::design::file::{FIRST_REPORTING_SEED, Study};
-use crate::study::evaluate::score::RunCost;
-use crate::study::evaluate::score::RunScore;
 use crate::study::external::Unknown;
 use crate::study::store::Manifest;
 use seedbed_env::Quantity;
@@ -147,7 +147,7 @@ impl Results {
 
     /// Number of runs that others should have made of a cell, and that were not found: those that the
     /// study says, or in a registered study its `repeats`.
-    pub(in crate::study) fn missing_runs_of_others(&self, cell: &CellDescription) -> usize {
+    pub(super) fn missing_runs_of_others(&self, cell: &CellDescription) -> usize {
         let Some(external) = &cell.external else {
             return 0;
         };
@@ -156,7 +156,7 @@ impl Results {
     }
 
     /// Number of runs that others should have made of a cell; `None` if any number is right.
-    pub(in crate::study) fn expected_runs_of_others(&self, cell: &str) -> Option<u64> {
+    pub(super) fn expected_runs_of_others(&self, cell: &str) -> Option<u64> {
         let lock = self.manifest.lock.as_ref();
         self.study.expected_runs_of_others(cell, lock.is_some())
     }
@@ -164,10 +164,7 @@ impl Results {
     /// Run seeds of each cell with a scenario, up to the first look of which no later look has a run: a registered
     /// study ends as soon as all its claims are decided.
     /// `has_run`: whether the cell with this index has a run with this run seed
-    pub(in crate::study) fn begun_run_seeds(
-        &self,
-        has_run: impl Fn(usize, u64) -> bool,
-    ) -> Vec<u64> {
+    pub(super) fn begun_run_seeds(&self, has_run: impl Fn(usize, u64) -> bool) -> Vec<u64> {
         let mut run_seeds = self.manifest.run_seeds();
         if self.manifest.lock.is_none() {
             return run_seeds;
@@ -347,7 +344,7 @@ impl CellResults {
     }
 
     /// Adds the cost of a finished run, and its score in each of `measures`.
-    pub(in crate::study) fn add_scored_run(
+    pub(super) fn add_scored_run(
         &mut self,
         run_seed: u64,
         cost: RunCost,
@@ -380,13 +377,13 @@ impl CellResults {
     }
 
     /// Run seeds of all runs that have finished or failed.
-    pub(in crate::study) fn run_seeds(&self) -> impl Iterator<Item = u64> {
+    pub(super) fn run_seeds(&self) -> impl Iterator<Item = u64> {
         let finished = self.costs.iter().map(|(run_seed, _)| *run_seed);
         finished.chain(self.failures.iter().map(|(run_seed, _)| *run_seed))
     }
 
     /// Whether a run has finished or failed.
-    pub(in crate::study) fn has_run(&self, run_seed: u64) -> bool {
+    pub(super) fn has_run(&self, run_seed: u64) -> bool {
         self.run_seeds().any(|present| present == run_seed)
     }
 

@@ -5,15 +5,15 @@ use std::io;
 
 use serde::Serialize;
 
+use super::results::{CellResults, Results};
+use super::score::RunCost;
 use crate::experiment::measure::{Curve, Measure};
 use crate::experiment::run_result::RunResult;
-use crate::study::evaluate::results::{CellResults, Results};
-use crate::study::evaluate::score::RunCost;
 use crate::text::spreadsheet_cell;
 use seedbed_input::numbers::ranged_count;
 
 /// Names of the columns that `results.csv` has for every study.
-pub(in crate::study) const COLUMNS: [&str; 22] = [
+pub(super) const COLUMNS: [&str; 22] = [
     "cell",
     "task",
     "agents",

@@ -2,8 +2,8 @@
 //!
 //! A new kind of comparison is a [`Rule`] and a row in [`Rule::of`].
 
+use super::score::RunScore;
 use crate::experiment::measure::Measure;
-use crate::study::evaluate::score::RunScore;
 use seedbed_stats::effect_test::EffectTest;
 use seedbed_stats::means::{MeanOfDifferences, TwoMeans};
 use seedbed_stats::shares::{self, TwoShares};

@@ -1,12 +1,11 @@
 //! How a measure changes with the number of agents K: speed-up, efficiency, what diversity is worth,
 //! and the slope of its logarithm.
 
+use super::results::{CellResults, Results, known_horizon};
+use super::rules::Quantity;
+use super::score::RunScore;
 use crate::experiment::measure::Measure;
-use crate::study::design::file::{Scaling, has_part, unknown_part};
-use crate::study::evaluate::results::{CellResults, Results, known_horizon};
-use crate::study::evaluate::rules::Quantity;
-use crate::study::evaluate::score::RunScore;
-use seedbed_input::{Located, ValidationError};
+use crate::study::design::file::Scaling;
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::ratios::{log_log_slope, mean_with_log_interval, ratio_of_means};
 use seedbed_stats::{Estimate, Interval, MIN_RUNS};
@@ -242,30 +241,6 @@ fn mean_of_worst(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let count = values.len().div_ceil(20);
     mean(&values[values.len() - count..])
-}
-
-impl Scaling {
-    /// Checks the measure, and that pairs are parts of the names of cells.
-    ///
-    /// # Errors
-    /// The invalid field, and the reason.
-    pub(in crate::study) fn check(&self, cells: &[&str]) -> Result<(), ValidationError> {
-        let measure = *self.measure;
-        if !(measure == Measure::Regret || measure.is_time() && measure.counts_episodes()) {
-            return Err(self
-                .measure
-                .error("expected `Regret`, `EpisodesToSolve` or `FirstGoal`"));
-        }
-        let parts = self
-            .diversity
-            .iter()
-            .flat_map(|(with, without)| [with, without]);
-        let is_unknown = |part: &&Located<String>| !cells.iter().any(|cell| has_part(cell, part));
-        match parts.into_iter().find(is_unknown) {
-            None => Ok(()),
-            Some(part) => Err(unknown_part(part)),
-        }
-    }
 }
 
 #[cfg(test)]

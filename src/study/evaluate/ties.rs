@@ -1,11 +1,11 @@
 //! Ties: values of runs that differ only by the rounding of what was added up are one value.
 
+use super::score::RunScore;
 use crate::scenario::Rounding;
-use crate::study::evaluate::score::RunScore;
 
 /// The scores of two cells, in which values that differ only by rounding are replaced by the smallest
 /// of them. Otherwise the rounding of equal means would be an effect.
-pub(in crate::study) fn with_equal_ties(mut cells: [Vec<RunScore>; 2]) -> [Vec<RunScore>; 2] {
+pub(super) fn with_equal_ties(mut cells: [Vec<RunScore>; 2]) -> [Vec<RunScore>; 2] {
     let mut scores: Vec<&mut RunScore> = cells.iter_mut().flatten().collect();
     scores.sort_by(|one, other| one.value.total_cmp(&other.value));
     let mut smallest: Option<RunScore> = None;

@@ -6,6 +6,7 @@ use std::any::Any;
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -53,55 +54,55 @@ pub fn run(
     })
 }
 
-/// Repeats stored runs from their beginning, and calls `on_verified` for each run with whether its
-/// result is bit-identical. Stored results are not changed.
+/// Results of runs with which repeated runs are compared.
+pub trait ExpectedResults: Sync {
+    /// Whether the results have this run.
+    fn contains(&self, run: &PlannedRun<'_>) -> bool;
+
+    /// Numbers of first episodes whose visited states the results have of a run.
+    fn windows(&self, run: &PlannedRun<'_>) -> Vec<u32>;
+
+    /// Whether a repeated run has the values of the results, to the bit.
+    fn is_reproduced_by(&self, run: &PlannedRun<'_>, outcome: &Outcome) -> bool;
+
+    /// The file or folder with the result of a run.
+    fn location(&self, run: &PlannedRun<'_>) -> PathBuf;
+}
+
+impl ExpectedResults for StudyFolder {
+    fn contains(&self, run: &PlannedRun<'_>) -> bool {
+        self.stored_run(run).is_some()
+    }
+
+    fn windows(&self, run: &PlannedRun<'_>) -> Vec<u32> {
+        let stored = self.stored_run(run).map(|stored| stored.outcome);
+        let states = stored.iter().flatten().flat_map(|result| &result.states);
+        states.map(|states| states.episodes).collect()
+    }
+
+    fn is_reproduced_by(&self, run: &PlannedRun<'_>, outcome: &Outcome) -> bool {
+        let stored = self.stored_run(run);
+        stored.is_some_and(|stored| stored.is_reproduced_by(outcome))
+    }
+
+    fn location(&self, run: &PlannedRun<'_>) -> PathBuf {
+        self.result_file(&run.cell.digest, run.run_seed)
+    }
+}
+
+/// Repeats runs from their beginning, without storing anything, and calls `on_verified` for each run with
+/// whether its result is the `expected` one.
 pub fn verify<'a>(
     runs: &'a [PlannedRun<'a>],
-    folder: &StudyFolder,
+    expected: &dyn ExpectedResults,
     jobs: usize,
     interrupted: &AtomicBool,
     on_verified: &(dyn Fn(&'a PlannedRun<'a>, bool) + Sync),
 ) {
-    let stored_windows = |run: &PlannedRun<'_>| {
-        let stored = folder.stored_run(run)?;
-        let states = stored.outcome.iter().flat_map(|run| &run.states);
-        Some(states.map(|states| states.episodes).collect::<Vec<u32>>())
-    };
-    let runs = runs
-        .iter()
-        .filter_map(|run| Some((run, stored_windows(run)?)));
-    repeat(runs, jobs, interrupted, &|run, outcome| {
-        if let Some(stored) = folder.stored_run(run) {
-            on_verified(run, stored.is_reproduced_by(&outcome));
-        }
-    });
-}
-
-/// Repeats published runs from their beginning, and calls `on_verified` for each run with whether
-/// `is_reproduced`: whether its row has the same values.
-pub fn verify_published<'a>(
-    runs: &'a [PlannedRun<'a>],
-    is_reproduced: &(dyn Fn(&PlannedRun<'_>, &Outcome) -> bool + Sync),
-    jobs: usize,
-    interrupted: &AtomicBool,
-    on_verified: &(dyn Fn(&'a PlannedRun<'a>, bool) + Sync),
-) {
-    let without_states = runs.iter().map(|run| (run, Vec::new()));
-    repeat(without_states, jobs, interrupted, &|run, outcome| {
-        on_verified(run, is_reproduced(run, &outcome));
-    });
-}
-
-/// Makes runs without storing anything.
-fn repeat<'a>(
-    runs: impl Iterator<Item = (&'a PlannedRun<'a>, Vec<u32>)>,
-    jobs: usize,
-    interrupted: &AtomicBool,
-    on_outcome: &(dyn Fn(&'a PlannedRun<'a>, Outcome) + Sync),
-) {
+    let runs = runs.iter().map(|run| (run, expected.windows(run)));
     let on_begun = |_: &PlannedRun<'_>| {};
     let on_outcome = |run: &'a PlannedRun<'a>, outcome| {
-        on_outcome(run, outcome);
+        on_verified(run, expected.is_reproduced_by(run, &outcome));
         Ok(())
     };
     let control = RunControl::without_checkpoints(interrupted);

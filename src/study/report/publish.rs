@@ -45,10 +45,8 @@ pub fn files(results: &Results) -> io::Result<[(&'static str, Vec<u8>); 3]> {
     let (manifest, table) = (results.manifest.to_json().into_bytes(), encoder.finish()?);
     let hashes = [(MANIFEST, &manifest), (TABLE, &table)];
     let hash = |(name, bytes): (&str, &Vec<u8>)| (name.to_owned(), sha256(bytes));
-    let builds = Builds {
-        sha256: hashes.map(hash).into(),
-        ..Builds::of(results)
-    };
+    let mut builds = Builds::of(results);
+    builds.sha256 = hashes.map(hash).into();
     Ok([
         (MANIFEST, manifest),
         (BUILDS, to_json(&builds).into_bytes()),

@@ -15,6 +15,7 @@ use serde::Serialize;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
+use super::publish;
 use crate::experiment;
 use crate::input_files::{self, Directory};
 use crate::provenance;
@@ -25,7 +26,6 @@ use crate::study::design::plan::StudyPlan;
 use crate::study::evaluate::published::{self, Builds};
 use crate::study::evaluate::results::Results;
 use crate::study::file_error::to_json;
-use crate::study::report::publish;
 use seedbed_input::InputError;
 use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
 

@@ -6,6 +6,9 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::manifest::{Manifest, has_own_checksum};
+use super::result_file::StoredRun;
+use super::run_marks::{self, RunMark};
 use crate::experiment::checkpoint::{self, SavedProgress};
 use crate::experiment::run_result::RunResult;
 use crate::experiment::shown_digits;
@@ -16,9 +19,6 @@ use crate::study::design::cell::PlannedRun;
 use crate::study::design::file::Claim;
 use crate::study::design::plan::StudyPlan;
 use crate::study::file_error::replace_file;
-use crate::study::store::manifest::{Manifest, has_own_checksum};
-use crate::study::store::result_file::StoredRun;
-use crate::study::store::run_marks::{self, RunMark};
 use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, MAX_SMALL_FILE_BYTES, read_bytes, read_text};
 
 /// Folder with the results of a study.
@@ -241,7 +241,7 @@ impl StudyFolder {
     }
 
     /// As [`write_manifest`](Self::write_manifest), with the histories of other folders of the study.
-    pub(in crate::study) fn write_manifest_with(
+    pub(super) fn write_manifest_with(
         &self,
         plan: &StudyPlan,
         others: &[StudyFolder],

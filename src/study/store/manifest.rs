@@ -1,9 +1,10 @@
 //! `study.json`: what a study is, for readers of its results.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::storage::hashes::sha256;
 use crate::study::design::cell::{Cell, CellDescription, shown_path};
+use crate::study::design::claims_of_today;
 use crate::study::design::file::Study;
 use crate::study::design::lock::Lock;
 use crate::study::design::plan::StudyPlan;
@@ -34,7 +35,7 @@ pub struct Manifest {
     pub cells: Vec<CellDescription>,
     /// Claims that were added or changed after both of their cells had runs, as
     /// [`Claim::canonical_text`](crate::study::design::file::Claim::canonical_text).
-    #[serde(default)]
+    #[serde(default, deserialize_with = "read_claims")]
     pub late_claims: Vec<String>,
     /// Earlier values of `repeats`, in the order in which they were used. Only values with stored
     /// runs count.
@@ -47,6 +48,12 @@ pub struct Manifest {
     /// All results of others that a registered study has read.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub read_results: Vec<ReadResult>,
+}
+
+/// Reads claims, which may be written as in earlier versions.
+fn read_claims<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    let claims: Vec<String> = Vec::deserialize(deserializer)?;
+    Ok(claims_of_today(&claims))
 }
 
 /// End of a JSON object for readers.

@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 
 use xxhash_rust::xxh64::xxh64;
 
+use super::StudyFolder;
+use super::result_file::StoredRun;
 use crate::provenance::BuildId;
 use crate::study::FileError;
 use crate::study::design::cell::PlannedRun;
 use crate::study::design::plan::StudyPlan;
 use crate::study::file_error::replace_file;
-use crate::study::store::StudyFolder;
-use crate::study::store::result_file::StoredRun;
 use crate::text::pluralize;
 use seedbed_input::limits::{MAX_LARGE_FILE_BYTES, read_bytes};
 

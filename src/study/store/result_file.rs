@@ -77,7 +77,7 @@ impl StoredRun {
         }
     }
 
-    pub(in crate::study) fn to_bytes(&self) -> Vec<u8> {
+    pub(super) fn to_bytes(&self) -> Vec<u8> {
         let keys = Curve::WITH_ROUND_VALUES
             .iter()
             .map(|curve| curve.metric().key);

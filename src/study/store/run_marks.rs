@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use seedbed_input::limits::{MAX_SMALL_FILE_BYTES, read_bytes};
 
 /// Extension of marks.
-pub(in crate::study) const EXTENSION: &str = "running";
+pub(super) const EXTENSION: &str = "running";
 
 /// How long a run lasts before it is marked, so that short runs write no marks.
 const MIN_DURATION: Duration = Duration::from_secs(1);
@@ -137,7 +137,7 @@ fn slurm_job(variable: impl Fn(&str) -> Option<String>) -> Option<String> {
 }
 
 /// A mark that was found, and whether its run is still executed. `None` if there is none.
-pub(in crate::study) fn find(path: &Path) -> Option<(RunMark, bool)> {
+pub(super) fn find(path: &Path) -> Option<(RunMark, bool)> {
     let bytes = read_bytes(path, MAX_SMALL_FILE_BYTES).ok()?;
     let modified = fs::metadata(path).and_then(|metadata| metadata.modified());
     // A clock that is behind makes heartbeats of the future.
@@ -148,7 +148,7 @@ pub(in crate::study) fn find(path: &Path) -> Option<(RunMark, bool)> {
 }
 
 /// Removes the marks in a folder of results.
-pub(in crate::study) fn remove_all(folder: &Path) {
+pub(super) fn remove_all(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
         if path

@@ -1,6 +1,6 @@
 //! Tuning files: the methods that are tuned with equal budgets, and the space of their parameters.
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use crate::experiment::measure::Measure;
 use crate::study::design::file::FIRST_REPORTING_SEED;
@@ -8,7 +8,7 @@ use seedbed_input::numbers::{Count, FiniteNumber, Positive, ranged_count};
 use seedbed_input::{Located, ValidationError};
 
 /// A tuning file: `Tuning(…)`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tuning {
     /// Subject of the search.
@@ -47,7 +47,7 @@ pub struct Tuning {
 }
 
 /// A method that is tuned.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Method {
     /// Name of the method in tables and files.
@@ -64,7 +64,7 @@ pub struct Method {
 }
 
 /// A parameter that is searched.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameter {
     /// Name in tables [default: the path in the first entry of `set`].
@@ -78,7 +78,7 @@ pub struct Parameter {
 }
 
 /// Distribution of the values of a parameter.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Distribution {
     /// A number between two numbers, with equal density.
@@ -92,7 +92,7 @@ pub enum Distribution {
 }
 
 /// Which values of the measure are better.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 pub enum Goal {
     /// Large values are better.
     Maximize,

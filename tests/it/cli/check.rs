@@ -159,6 +159,32 @@ fn check_and_run_read_pipes() {
     );
 }
 
+/// A run names the fields that have former names, with their lines in the file, also of a file that can be read only
+/// once.
+#[cfg(unix)]
+#[test]
+fn fields_with_former_names_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    let text = b"Scenario(environment: \"cartpole\", stop: Episodes(2),\n  algorithm: SeedPg(policy_optimiser: ()))";
+    let set = ["--set", "algorithm.value_optimiser.step_size=0.1"];
+    let first = ["run", "-", "--quiet", "--no-recording"];
+    let arguments = [&first[..], &set, &["--out", out.to_str().unwrap()]].concat();
+    let output = output_with_input(&arguments, "-", text);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let printed = stderr(&output);
+    let warnings: Vec<&str> = printed.lines().collect();
+    assert_eq!(
+        warnings,
+        [
+            "warning: /dev/stdin: line 2: `policy_optimiser` is now called `policy_optimizer`; the former name is read for \
+             one more version",
+            "warning: --set algorithm.value_optimiser.step_size: its name is now `algorithm.value_optimizer.step_size`; the \
+             former one is read for one more version",
+        ]
+    );
+}
+
 /// Output of a command whose argument `path`, the standard input unless it is a pipe, has `text`.
 #[cfg(unix)]
 fn output_with_input(arguments: &[&str], path: &str, text: &[u8]) -> std::process::Output {

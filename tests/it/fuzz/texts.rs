@@ -12,6 +12,7 @@ use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::tuning::plan::{TuningError, TuningFile};
 use seedbed::tabular::scenario::TabularScenario;
 use seedbed_env::expression::{Evaluator, Previous, Program, Type, ValueTable, Variable, compile};
+use seedbed_golden::cases;
 use seedbed_input::{Document, FileKind, InputError};
 use seedbed_random::Stream;
 
@@ -40,10 +41,20 @@ impl TextFile {
             .flat_map(|folder| files_below(&Path::new(REPOSITORY).join(folder), "ron"));
         let texts = files
             .filter_map(|file| fs::read_to_string(file).ok())
+            .chain(invalid_texts())
             .filter(|text| seedbed_input::file_kind("", text).is_ok_and(is_kind));
         let texts = Texts::new(texts);
         Box::new(Self { path, texts, read })
     }
+}
+
+/// The inputs of all cases in `tests/errors/`.
+fn invalid_texts() -> impl Iterator<Item = String> {
+    let files = files_below(&Path::new(REPOSITORY).join("tests/errors"), "md");
+    let texts = files
+        .into_iter()
+        .map(|file| fs::read_to_string(file).unwrap());
+    texts.flat_map(|text| cases(&text)).map(|case| case.input)
 }
 
 impl Target for TextFile {
@@ -122,7 +133,7 @@ pub(super) fn tasks(folder: &Path) -> Box<dyn Target> {
 pub(super) fn scenarios(folder: &Path) -> Box<dyn Target> {
     TextFile::boxed(
         folder.join("scenarios/tabular/input.ron"),
-        &["scenarios", "tests/broken_scenarios"],
+        &["scenarios"],
         |kind| matches!(kind, FileKind::Scenario | FileKind::TabularScenario),
         |path| {
             let text = input_files::read_text(path)?;
@@ -140,7 +151,7 @@ pub(super) fn scenarios(folder: &Path) -> Box<dyn Target> {
 pub(super) fn studies(folder: &Path) -> Box<dyn Target> {
     TextFile::boxed(
         folder.join("scenarios/thesis/input.ron"),
-        &["scenarios", "tests/broken_studies"],
+        &["scenarios"],
         |kind| kind == FileKind::Study,
         |path| {
             StudyPlan::load(path, false)?;

@@ -10,7 +10,8 @@ use xxhash_rust::xxh64::xxh64;
 
 use super::{run_study, stored_results, write_study};
 use crate::util::{
-    REPOSITORY, command, files_below, names_in, send_signal, stderr, stdout, wait_until,
+    REPOSITORY, command, files_below, names_in, seedbed, send_signal, stderr, stdout,
+    study_arguments, wait_until,
 };
 
 /// No checkpoint is written before an interruption, and each interruption writes one.
@@ -99,9 +100,9 @@ impl Stopped {
         }
     }
 
-    /// Numbers of episodes in the checkpoints of interrupted or running runs, by `--list`.
+    /// Numbers of episodes in the checkpoints of interrupted or running runs, by `list`.
     fn saved_episodes(&self) -> Vec<u32> {
-        let output = run_study(&self.study, &self.out, &["--list"]);
+        let output = run_study(&self.study, &self.out, &["list"]);
         assert!(output.status.success(), "{}", stderr(&output));
         let text = stdout(&output);
         let lines = text.lines().filter(|line| line.contains(" saved"));
@@ -152,7 +153,7 @@ fn assert_continues_after_term(text: &str, max_episodes: u32) {
     assert_eq!(study.files("checkpoint").len(), 1);
     let saved = study.saved_episodes();
     assert!((1..max_episodes).contains(&saved[0]), "{saved:?}");
-    let list = stdout(&run_study(&study.study, &study.out, &["--list"]));
+    let list = stdout(&run_study(&study.study, &study.out, &["list"]));
     let expected = format!(
         "     0  interrupted  run seed 1000    all  ({} of at most {max_episodes} episodes saved; process ",
         saved[0]
@@ -358,7 +359,7 @@ fn first_returns(study: &Stopped) -> [f32; 3] {
 }
 
 /// A forged number in a checkpoint is in the result, so that the run did not start from its beginning.
-/// `--verify` starts from the beginning, and neither it nor other commands use or remove checkpoints.
+/// `verify` starts from the beginning, and neither it nor other commands use or remove checkpoints.
 #[test]
 fn only_unfinished_runs_use_checkpoints() {
     let (study, path, bytes) = checkpoint_of(&text("cartpole.ron", 100, 1));
@@ -369,20 +370,14 @@ fn only_unfinished_runs_use_checkpoints() {
     let result = stored_results(&study.out);
     let out = study.out.to_str().unwrap();
     let merged = study.out.with_extension("merged");
+    let merged_out = merged.to_str().unwrap();
     for arguments in [
-        &["study", &study.study, "--out", out, "--verify"][..],
-        &["report", out],
-        &["study", &study.study, "--out", out, "--list"],
-        &[
-            "study",
-            &study.study,
-            "--out",
-            merged.to_str().unwrap(),
-            "--merge",
-            out,
-        ],
+        study_arguments(&study.study, out, &["verify"]),
+        vec!["report", out],
+        study_arguments(&study.study, out, &["list"]),
+        study_arguments(&study.study, merged_out, &["merge", "--from", out]),
     ] {
-        let output = command(arguments).output().unwrap();
+        let output = seedbed(&arguments);
         assert!(output.status.success(), "{}", stderr(&output));
         assert!(
             !stderr(&output).contains("checkpoint"),

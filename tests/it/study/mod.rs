@@ -12,7 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-use crate::util::{REPOSITORY, files_below, seedbed};
+use crate::util::{REPOSITORY, files_below, seedbed, study_arguments};
 
 /// A study of two agents and few episodes. It has three cells: the results of `σ 0` and `σ 9`
 /// differ, those of `σ 0 again` equal those of `σ 0`.
@@ -48,13 +48,8 @@ pub(crate) fn write_study(text: &str) -> (tempfile::TempDir, String, PathBuf) {
 }
 
 pub(crate) fn run_study(study: &str, out: &Path, extra_arguments: &[&str]) -> Output {
-    seedbed(
-        &[
-            &["study", study, "--out", out.to_str().unwrap()],
-            extra_arguments,
-        ]
-        .concat(),
-    )
+    let out = out.to_str().unwrap();
+    seedbed(&study_arguments(study, out, extra_arguments))
 }
 
 /// Number of bytes of the checksum at the end of a result file.

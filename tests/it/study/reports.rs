@@ -51,7 +51,7 @@ fn a_report_names_the_builds_of_its_runs() {
         page().contains("The runs were made by 3 builds of seedbed (unknown, ")
             && page().contains("<code>seedbed study verify ")
     );
-    assert!(run_study(&study, &out, &["--verify"]).status.success());
+    assert!(run_study(&study, &out, &["verify"]).status.success());
 }
 
 /// Repeats each run of the cell `σ 9` with `seedbed run`, and compares the numbers of the report

@@ -38,12 +38,27 @@ fn results_depend_neither_on_jobs_nor_on_processes() {
     let expected =
         "error: --index 6: expected an index from 0 to 5; `seedbed study list` shows all\n";
     assert_eq!(stderr(&beyond), expected);
-    let listed = stdout(&run_study(&study, &one_process_per_run, &["--list"]));
+    let listed = stdout(&run_study(&study, &one_process_per_run, &["list"]));
     assert_eq!(
         listed.lines().next(),
         Some("     0  finished     run seed 1000    σ 0")
     );
     assert_eq!(listed.lines().count(), 6);
+}
+
+/// The former spelling of an action works, and says the one of today.
+#[test]
+fn former_spellings_of_actions_are_read() {
+    let (_folder, study, out) = write_study(&study_text(1, ""));
+    let path = out.to_str().unwrap();
+    let former = run_study(&study, &out, &["--list"]);
+    let expected = format!("note: the new spelling is `seedbed study list {study} --out {path}`\n");
+    assert_eq!(stderr(&former), expected);
+    let listed = run_study(&study, &out, &["list"]);
+    assert_eq!(
+        (stdout(&former), stderr(&listed)),
+        (stdout(&listed), String::new())
+    );
 }
 
 /// The study crashes when two of twelve runs are finished.
@@ -97,7 +112,7 @@ const VISITATION: &str = r#", Visitation(cells: ["σ 9"], episodes: [First(2), A
 #[test]
 fn verify_finds_runs_that_are_not_reproduced() {
     let (_folder, study, out) = write_study(&study_text(2, "").replace(VISITATION, ""));
-    let without_runs = run_study(&study, &out, &["--verify"]);
+    let without_runs = run_study(&study, &out, &["verify"]);
     let expected = format!(
         "error: {} contains no runs of this study to verify\n",
         out.display()
@@ -107,7 +122,7 @@ fn verify_finds_runs_that_are_not_reproduced() {
         (Some(2), expected)
     );
     assert!(run_study(&study, &out, &[]).status.success());
-    let verified = run_study(&study, &out, &["--verify=4", "--draw=7"]);
+    let verified = run_study(&study, &out, &["verify", "--runs=4", "--draw=7"]);
     assert!(verified.status.success(), "{verified:?}");
     assert_eq!(
         stdout(&verified),
@@ -116,7 +131,7 @@ fn verify_finds_runs_that_are_not_reproduced() {
     );
 
     change_stored_curves(&out, 1001);
-    let verified = run_study(&study, &out, &["--verify", "--draw=7"]);
+    let verified = run_study(&study, &out, &["verify", "--draw=7"]);
     let errors = stderr(&verified);
     assert_eq!(verified.status.code(), Some(1), "{errors}");
     assert_eq!(
@@ -141,7 +156,7 @@ fn runs_to_verify_are_drawn_at_random() {
     let (_folder, study, out) = write_study(&study_text(2, "").replace(VISITATION, ""));
     assert!(run_study(&study, &out, &[]).status.success());
     let number = || {
-        let verified = run_study(&study, &out, &["--verify=1"]);
+        let verified = run_study(&study, &out, &["verify", "--runs=1"]);
         assert!(verified.status.success(), "{verified:?}");
         let printed = stdout(&verified);
         // Three cells, of which each has a run that is repeated.
@@ -153,7 +168,7 @@ fn runs_to_verify_are_drawn_at_random() {
     change_stored_curves(&out, 1001);
     let differing = |draw: usize| {
         let draw = format!("--draw={draw}");
-        let verified = run_study(&study, &out, &["--verify=1", &draw]);
+        let verified = run_study(&study, &out, &["verify", "--runs=1", &draw]);
         stderr(&verified).matches("differs").count()
     };
     let counts: Vec<usize> = (0..6).map(differing).collect();
@@ -167,7 +182,7 @@ fn runs_that_are_missing_are_not_verified() {
     let (_folder, study, out) = write_study(&study_text(2, ""));
     assert!(run_study(&study, &out, &[]).status.success());
     fs::remove_file(&result_files(&out)[0]).unwrap();
-    let verified = run_study(&study, &out, &["--verify=1"]);
+    let verified = run_study(&study, &out, &["verify", "--runs=1"]);
     assert_eq!(verified.status.code(), Some(1), "{verified:?}");
     assert!(
         stderr(&verified).contains("missing    1 of 6 runs is missing\n"),

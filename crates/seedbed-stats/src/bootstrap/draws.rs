@@ -14,15 +14,25 @@ use super::RESAMPLES;
 /// for each statistic.
 const MAX_KEPT_DRAWS: usize = 1 << 27;
 
-/// Draws of the sizes that were used last; the newest are at the back.
-static KEPT: Mutex<VecDeque<Arc<Draws>>> = Mutex::new(VecDeque::new());
+/// Resamples of the sizes that were used last; the newest are at the back.
+static KEPT: Mutex<VecDeque<Arc<Kept>>> = Mutex::new(VecDeque::new());
 
-/// All draws for strata of these sizes.
-struct Draws {
+/// What is kept of a resample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// The drawn runs, in their order.
+    Draws,
+    /// How often each run was drawn.
+    Counts,
+}
+
+/// All resamples of strata of these sizes.
+struct Kept {
+    kind: Kind,
     /// Number of runs of each stratum.
     sizes: Vec<usize>,
-    /// Runs of each resample: `[RESAMPLES × sum of sizes]`.
-    runs: Vec<u16>,
+    /// Runs or counts of each resample: `[RESAMPLES × sum of sizes]`.
+    numbers: Vec<u16>,
 }
 
 /// Calls `visit` for each of the [`RESAMPLES`] resamples of strata of these sizes, always in the
@@ -30,42 +40,72 @@ struct Draws {
 ///
 /// `visit` gets as many runs per stratum as the stratum has, stratum after stratum. Runs are
 /// counted from 0 over all strata.   → `[sum of sizes]`
-pub(crate) fn for_each_resample(sizes: &[usize], visit: impl FnMut(&[u32])) {
-    if RESAMPLES * sizes.iter().sum::<usize>() <= MAX_KEPT_DRAWS {
-        // The lock is held while runs are drawn, because other threads most likely wait for the
-        // same draws.
-        let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-        let draws = kept_draws(&mut kept, sizes, MAX_KEPT_DRAWS);
-        drop(kept);
-        visit_kept(&draws, visit);
-    } else {
-        visit_new(sizes, visit);
-    }
-}
-
-/// Draws for strata of these sizes, which are kept for the next samples of the same sizes. Then
-/// drops those that were not used for longest, until at most `max_draws` are kept.
-fn kept_draws(kept: &mut VecDeque<Arc<Draws>>, sizes: &[usize], max_draws: usize) -> Arc<Draws> {
-    let index = kept.iter().position(|draws| draws.sizes == sizes);
-    let draws = match index.and_then(|index| kept.remove(index)) {
-        Some(draws) => draws,
-        None => Arc::new(Draws::of(sizes)),
+pub(crate) fn for_each_resample(sizes: &[usize], mut visit: impl FnMut(&[u32])) {
+    let Some(kept) = kept(Kind::Draws, sizes) else {
+        return visit_new(sizes, visit);
     };
-    kept.push_back(Arc::clone(&draws));
-    while kept.iter().map(|draws| draws.runs.len()).sum::<usize>() > max_draws {
-        kept.pop_front();
-    }
-    draws
-}
-
-fn visit_kept(draws: &Draws, mut visit: impl FnMut(&[u32])) {
-    let mut runs = vec![0; draws.sizes.iter().sum()];
-    for kept in draws.runs.chunks_exact(runs.len()) {
+    let mut runs = vec![0; sizes.iter().sum()];
+    for kept in kept.numbers.chunks_exact(runs.len()) {
         for (run, &kept) in runs.iter_mut().zip(kept) {
             *run = kept.into();
         }
         visit(&runs);
     }
+}
+
+/// Calls `visit` for the resamples of [`for_each_resample`] with the number of times that each run was
+/// drawn.   → `[sum of sizes]`
+pub(crate) fn for_each_counts(sizes: &[usize], mut visit: impl FnMut(&[u16])) {
+    let n = sizes.iter().sum();
+    if let Some(kept) = kept(Kind::Counts, sizes) {
+        kept.numbers.chunks_exact(n).for_each(visit);
+    } else {
+        let mut counts = vec![0; n];
+        visit_new(sizes, |drawn| {
+            count(drawn, &mut counts);
+            visit(&counts);
+        });
+    }
+}
+
+/// Counts how often each run was drawn. No run is drawn 65 536 times.   `counts: [n]`, overwritten
+fn count(drawn: &[u32], counts: &mut [u16]) {
+    counts.fill(0);
+    for &run in drawn {
+        counts[run as usize] += 1;
+    }
+}
+
+/// The resamples for strata of these sizes; `None` if they are too many to be kept.
+fn kept(kind: Kind, sizes: &[usize]) -> Option<Arc<Kept>> {
+    if RESAMPLES * sizes.iter().sum::<usize>() > MAX_KEPT_DRAWS {
+        return None;
+    }
+    // The lock is held while runs are drawn, because other threads most likely wait for the same
+    // draws.
+    let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    Some(find_or_draw(&mut all, kind, sizes, MAX_KEPT_DRAWS))
+}
+
+/// Resamples of strata of these sizes, which are kept for the next samples of the same sizes. Then
+/// drops those that were not used for longest, until at most `max_draws` are kept.
+fn find_or_draw(
+    all: &mut VecDeque<Arc<Kept>>,
+    kind: Kind,
+    sizes: &[usize],
+    max_draws: usize,
+) -> Arc<Kept> {
+    let is_same = |kept: &Arc<Kept>| kept.kind == kind && kept.sizes == sizes;
+    let index = all.iter().position(is_same);
+    let kept = match index.and_then(|index| all.remove(index)) {
+        Some(kept) => kept,
+        None => Arc::new(Kept::of(kind, sizes)),
+    };
+    all.push_back(Arc::clone(&kept));
+    while all.iter().map(|kept| kept.numbers.len()).sum::<usize>() > max_draws {
+        all.pop_front();
+    }
+    kept
 }
 
 fn visit_new(sizes: &[usize], mut visit: impl FnMut(&[u32])) {
@@ -76,16 +116,29 @@ fn visit_new(sizes: &[usize], mut visit: impl FnMut(&[u32])) {
     }
 }
 
-impl Draws {
-    fn of(sizes: &[usize]) -> Self {
-        let mut runs = Vec::with_capacity(RESAMPLES * sizes.iter().sum::<usize>());
-        // Draws that are kept are of few runs.
+impl Kept {
+    fn of(kind: Kind, sizes: &[usize]) -> Self {
+        let n = sizes.iter().sum::<usize>();
+        let mut numbers = vec![0; RESAMPLES * n];
+        let mut resamples = numbers.chunks_exact_mut(n);
         visit_new(sizes, |drawn| {
-            runs.extend(drawn.iter().map(|&run| run as u16));
+            let Some(numbers) = resamples.next() else {
+                return;
+            };
+            match kind {
+                Kind::Counts => count(drawn, numbers),
+                // Resamples that are kept are of few runs.
+                Kind::Draws => {
+                    for (number, &run) in numbers.iter_mut().zip(drawn) {
+                        *number = run as u16;
+                    }
+                }
+            }
         });
         Self {
+            kind,
             sizes: sizes.to_vec(),
-            runs,
+            numbers,
         }
     }
 }
@@ -133,6 +186,15 @@ mod tests {
             });
             for_each_resample(&sizes, |runs| assert_eq!(runs, kept.next().unwrap()));
             assert_eq!((new.next(), kept.next()), (None, None));
+            let mut drawn = expected.iter();
+            for_each_counts(&sizes, |counts| {
+                let drawn = drawn.next().unwrap();
+                for (run, &count) in (0_u32..).zip(counts) {
+                    let expected = drawn.iter().filter(|&&other| other == run).count();
+                    assert_eq!(usize::from(count), expected);
+                }
+            });
+            assert_eq!(drawn.next(), None);
         }
     }
 
@@ -142,9 +204,12 @@ mod tests {
     fn draws_that_were_used_last_are_kept() {
         let mut kept = VecDeque::new();
         for size in [5, 4, 2, 4, 6] {
-            assert_eq!(kept_draws(&mut kept, &[size], 10 * RESAMPLES).sizes, [size]);
+            let found = find_or_draw(&mut kept, Kind::Draws, &[size], 10 * RESAMPLES);
+            assert_eq!(found.sizes, [size]);
         }
         let sizes: Vec<usize> = kept.iter().map(|draws| draws.sizes[0]).collect();
         assert_eq!(sizes, [4, 6]);
+        let counts = find_or_draw(&mut kept, Kind::Counts, &[4], 10 * RESAMPLES);
+        assert_eq!((counts.kind, kept.len()), (Kind::Counts, 2));
     }
 }

@@ -19,9 +19,12 @@
 
 mod draws;
 
+use std::ops::Range;
+
 use super::aggregate::{interquartile_mean_of_sorted, mean, sorted};
 use super::{Estimate, Interval, MIN_RUNS};
-pub(crate) use draws::for_each_resample;
+pub(crate) use draws::for_each_counts;
+use draws::for_each_resample;
 
 /// Number of resamples, as in `rliable`.
 ///
@@ -102,20 +105,25 @@ pub fn bootstrap_sorted_statistics(
     statistic: impl Fn(&[Vec<f64>], &mut [f64]),
 ) -> Vec<Estimate> {
     let sorted: Vec<Vec<f64>> = groups.iter().map(|group| sorted(&group.concat())).collect();
+    let sizes = sizes(groups.iter().flatten());
+    let n = smallest_stratum(&sizes);
+    let mut values = vec![0.0; count];
+    statistic(&sorted, &mut values);
     if sorted.iter().all(|group| has_equal_bits(group)) {
-        return estimates_of_equal_scores(groups, &sorted, count, statistic);
+        return estimates_of_equal_scores(n, &values);
     }
-    let (positions, mut resampled) = (sorted_positions(groups), sorted.clone());
-    let mut counts = vec![0; positions.len()];
-    estimate_statistics(&sizes(groups.iter().flatten()), count, |drawn, values| {
-        count_draws(drawn, &positions, &mut counts);
-        let mut counts = &counts[..];
-        for (sorted, resampled) in sorted.iter().zip(&mut resampled) {
-            let (of_group, others) = counts.split_at(sorted.len());
-            repeat_scores(sorted, of_group, resampled);
-            counts = others;
-        }
-        statistic(&resampled, values);
+    let (order, mut resampled) = (sorted_runs(groups), sorted.clone());
+    estimates(n, &values.clone(), |add| {
+        for_each_counts(&sizes, |counts| {
+            let mut order = &order[..];
+            for (sorted, resampled) in sorted.iter().zip(&mut resampled) {
+                let (of_group, others) = order.split_at(sorted.len());
+                repeat_scores(sorted, of_group, counts, resampled);
+                order = others;
+            }
+            statistic(&resampled, &mut values);
+            add(&values);
+        });
     })
 }
 
@@ -126,11 +134,56 @@ pub fn bootstrap_sorted_statistics(
 /// If the sample is empty.
 #[must_use]
 pub fn bootstrap_mean_and_interquartile_mean(sample: &[f64]) -> [Estimate; 2] {
-    let estimates = bootstrap_sorted_statistics(&[vec![sample.to_vec()]], 2, |groups, values| {
-        values[0] = mean(&groups[0]);
-        values[1] = interquartile_mean_of_sorted(&groups[0]);
-    });
+    let (sorted, n) = (sorted(sample), sample.len());
+    let middle = n / 4..n - n / 4;
+    let values = [mean(&sorted), interquartile_mean_of_sorted(&sorted)];
+    let estimates = if has_equal_bits(&sorted) {
+        estimates_of_equal_scores(n, &values)
+    } else {
+        let order = sorted_runs(&[vec![sample.to_vec()]]);
+        estimates(n, &values, |add| {
+            for_each_batch(&sorted, &order, |batch| {
+                let (all, inner) = (sums(batch, 0..n), sums(batch, middle.clone()));
+                for (all, inner) in all.into_iter().zip(inner) {
+                    add(&[all / n as f64, inner / middle.len() as f64]);
+                }
+            });
+        })
+    };
     [estimates[0], estimates[1]]
+}
+
+/// Number of resamples that are summed together. A sum of one sample takes as long, because each addition waits for the
+/// one before it.
+const BATCH: usize = 8;
+
+/// Sorted resamples of one sample: `[BATCH][n]`.
+type Batch = [Vec<f64>; BATCH];
+
+/// Calls `visit` for all resamples, [`BATCH`] at a time.   `sorted: [n]`, `order: [n]`
+fn for_each_batch(sorted: &[f64], order: &[u32], mut visit: impl FnMut(&Batch)) {
+    const { assert!(RESAMPLES.is_multiple_of(BATCH)) };
+    let mut batch: Batch = std::array::from_fn(|_| sorted.to_vec());
+    let mut filled = 0;
+    for_each_counts(&[sorted.len()], |counts| {
+        repeat_scores(sorted, order, counts, &mut batch[filled]);
+        filled = (filled + 1) % BATCH;
+        if filled == 0 {
+            visit(&batch);
+        }
+    });
+}
+
+/// The sum of a part of each sample, with the bits of [`Iterator::sum`].
+fn sums(batch: &Batch, part: Range<usize>) -> [f64; BATCH] {
+    let parts = batch.each_ref().map(|sample| &sample[part.clone()]);
+    let mut sums = [-0.0; BATCH];
+    for index in 0..part.len() {
+        for (sum, sample) in sums.iter_mut().zip(&parts) {
+            *sum += sample[index];
+        }
+    }
+    sums
 }
 
 /// Whether all sorted scores have the same bits.
@@ -138,21 +191,14 @@ fn has_equal_bits(sorted: &[f64]) -> bool {
     sorted.first().map(|score| score.to_bits()) == sorted.last().map(|score| score.to_bits())
 }
 
-/// Estimates statistics of groups in which all scores are equal: every resample equals the data.
-fn estimates_of_equal_scores(
-    groups: &[Vec<Vec<f64>>],
-    sorted: &[Vec<f64>],
-    count: usize,
-    statistic: impl Fn(&[Vec<f64>], &mut [f64]),
-) -> Vec<Estimate> {
-    let n = smallest_stratum(&sizes(groups.iter().flatten()));
-    let mut values = vec![0.0; count];
-    statistic(sorted, &mut values);
-    let estimate = |value| Estimate {
+/// Estimates statistics of samples in which all scores are equal: every resample equals the data.
+/// `n`: number of runs of the smallest stratum
+fn estimates_of_equal_scores(n: usize, values: &[f64]) -> Vec<Estimate> {
+    let estimate = |&value: &f64| Estimate {
         value,
         interval: Interval::of_runs(n, value, value),
     };
-    values.into_iter().map(estimate).collect()
+    values.iter().map(estimate).collect()
 }
 
 /// Estimates the mean over runs of each of several quantities, from the same resamples, each with
@@ -194,23 +240,37 @@ pub(crate) fn estimate_statistics(
     count: usize,
     mut statistic: impl FnMut(&[u32], &mut [f64]),
 ) -> Vec<Estimate> {
-    let n = smallest_stratum(sizes);
     let mut values = vec![0.0; count];
     let all_runs: Vec<u32> = (0..sizes.iter().sum::<usize>() as u32).collect();
     statistic(&all_runs, &mut values);
+    estimates(smallest_stratum(sizes), &values.clone(), |add| {
+        for_each_resample(sizes, |drawn| {
+            statistic(drawn, &mut values);
+            add(&values);
+        });
+    })
+}
+
+/// Estimates of statistics with these values. If the smallest stratum has enough runs for an interval, `resample` calls
+/// its argument with the values in each resample.   `values: [count]` → `[count]`
+fn estimates(
+    n: usize,
+    values: &[f64],
+    resample: impl FnOnce(&mut dyn FnMut(&[f64])),
+) -> Vec<Estimate> {
     let intervals = if n < MIN_RUNS {
-        vec![Interval::TooFewRuns { n }; count]
+        vec![Interval::TooFewRuns { n }; values.len()]
     } else {
-        resampled_values(sizes, count, statistic)
-            .into_iter()
-            .map(percentile_interval)
-            .collect()
+        let mut of_resamples = vec![Vec::with_capacity(RESAMPLES); values.len()];
+        resample(&mut |values| {
+            for (of_resamples, &value) in of_resamples.iter_mut().zip(values) {
+                of_resamples.push(value);
+            }
+        });
+        of_resamples.into_iter().map(percentile_interval).collect()
     };
-    values
-        .into_iter()
-        .zip(intervals)
-        .map(|(value, interval)| Estimate { value, interval })
-        .collect()
+    let estimate = |(&value, interval)| Estimate { value, interval };
+    values.iter().zip(intervals).map(estimate).collect()
 }
 
 /// Number of runs of the smallest stratum.
@@ -223,65 +283,37 @@ pub(crate) fn smallest_stratum(sizes: &[usize]) -> usize {
     smallest
 }
 
-/// The values of all statistics in all resamples.   → `[count][RESAMPLES]`
-fn resampled_values(
-    sizes: &[usize],
-    count: usize,
-    mut statistic: impl FnMut(&[u32], &mut [f64]),
-) -> Vec<Vec<f64>> {
-    let mut values = vec![0.0; count];
-    let mut values_of_resamples = vec![Vec::with_capacity(RESAMPLES); count];
-    for_each_resample(sizes, |drawn| {
-        statistic(drawn, &mut values);
-        for (values_of_resamples, &value) in values_of_resamples.iter_mut().zip(&values) {
-            values_of_resamples.push(value);
-        }
-    });
-    values_of_resamples
-}
-
-/// Positions of runs among the sorted scores of all groups, group after group.
-/// `groups: [group][stratum][run]` → `[run]`, counted over all strata
-pub(crate) fn sorted_positions(groups: &[Vec<Vec<f64>>]) -> Vec<u32> {
-    let mut positions = Vec::new();
+/// The run at each position of the sorted scores of all groups, group after group, counted over all strata.
+/// `groups: [group][stratum][run]` → `[run]`
+pub(crate) fn sorted_runs(groups: &[Vec<Vec<f64>>]) -> Vec<u32> {
+    let mut runs: Vec<u32> = Vec::new();
     for group in groups {
-        let (scores, first) = (group.concat(), positions.len());
+        let (scores, first) = (group.concat(), runs.len());
         let mut order: Vec<usize> = (0..scores.len()).collect();
         order.sort_by(|&a, &b| scores[a].total_cmp(&scores[b]));
-        positions.resize(first + scores.len(), 0);
-        for (position, run) in order.into_iter().enumerate() {
-            positions[first + run] = (first + position) as u32;
-        }
+        runs.extend(order.into_iter().map(|run| (first + run) as u32));
     }
-    positions
-}
-
-/// Counts how often the run at each position was drawn.   `drawn: [n]`, `positions: [n]` of runs →
-/// `counts: [n]`
-pub(crate) fn count_draws(drawn: &[u32], positions: &[u32], counts: &mut [u32]) {
-    counts.fill(0);
-    for &run in drawn {
-        counts[positions[run as usize] as usize] += 1;
-    }
+    runs
 }
 
 /// Largest number of draws of one run that is not exceptional: five or more draws have probability
 /// 0.4 % in a large sample.
 const USUAL_DRAWS: usize = 4;
 
-/// Repeats each score as often as it was drawn.   `scores: [n]`, `counts: [n]` with sum n →
-/// `repeated: [n]`
-fn repeat_scores(scores: &[f64], counts: &[u32], repeated: &mut [f64]) {
+/// Repeats each score as often as its run was drawn.   `sorted: [m]`, `order: [m]` runs of these scores,
+/// `counts: [n]` → `repeated: [m]`
+fn repeat_scores(sorted: &[f64], order: &[u32], counts: &[u16], repeated: &mut [f64]) {
     let mut end = 0;
-    for (&score, &count) in scores.iter().zip(counts) {
+    for (&score, &run) in sorted.iter().zip(order) {
+        let count = usize::from(counts[run as usize]);
         let rest = &mut repeated[end..];
         // Always writes four scores, of which later scores overwrite those too many: a loop of an
         // unpredictable length takes several times as long.
         match rest.first_chunk_mut::<USUAL_DRAWS>() {
-            Some(usual) if count as usize <= USUAL_DRAWS => *usual = [score; USUAL_DRAWS],
-            _ => rest[..count as usize].fill(score),
+            Some(usual) if count <= USUAL_DRAWS => *usual = [score; USUAL_DRAWS],
+            _ => rest[..count].fill(score),
         }
-        end += count as usize;
+        end += count;
     }
 }
 

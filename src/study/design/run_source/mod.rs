@@ -1,4 +1,5 @@
-//! Where the runs of a cell come from. Each kind of cell is one implementation of [`RunSource`].
+//! Where the runs of a cell come from. Each kind of cell is one file, with an implementation of [`RunSource`], and one
+//! line in the list below.
 
 mod found;
 mod scenario;
@@ -6,12 +7,37 @@ mod scenario;
 pub use scenario::ScenarioRuns;
 
 use std::fmt::Debug;
+use std::path::Path;
+use std::sync::Arc;
 
+use super::file::{NamedCell, Study};
 use crate::experiment::measure::Measure;
 use crate::experiment::run_result::RunResult;
 use crate::experiment::{RunControl, RunQueue};
-use crate::study::external::ExternalRuns;
+use crate::study::external::{ExternalRuns, Problem};
 use seedbed_env::Quantity;
+
+/// The source of runs in a study file, as results call it, and the runs.
+type NamedSource = (String, Arc<dyn RunSource>);
+
+/// Kinds of named cells that have no scenario. Each function gets the folder of the study file, and returns `None` if a
+/// cell is of another kind.
+const KINDS: [fn(&Path, &Study, &NamedCell) -> Result<Option<NamedSource>, Problem>; 1] =
+    [found::of_named_cell];
+
+/// The runs of a named cell; `None` if they are those of a scenario.
+pub(super) fn of_named_cell(
+    folder: &Path,
+    study: &Study,
+    cell: &NamedCell,
+) -> Result<Option<NamedSource>, Problem> {
+    for kind in KINDS {
+        if let Some(source) = kind(folder, study, cell)? {
+            return Ok(Some(source));
+        }
+    }
+    Ok(None)
+}
 
 /// Where the runs of a cell come from.
 pub trait RunSource: Debug + Send + Sync {

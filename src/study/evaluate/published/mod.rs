@@ -17,21 +17,22 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::io::{self};
 use std::path::{Path, PathBuf};
 
-use crate::study::evaluate::rows;
+use super::rows;
 use flate2::read::MultiGzDecoder;
 use seedbed_input::limits::{
     MAX_SMALL_FILE_BYTES, MAX_TABLE_BYTES, open_regular, read_bytes, text_of,
 };
 use serde::{Deserialize, Serialize};
 
+use super::column;
+use super::completeness;
+use super::results::{CellResults, Results, ResultsError};
 use crate::experiment::Outcome;
 use crate::experiment::measure::Measure;
 use crate::provenance::{format_build_id, parse_build_id};
 use crate::study::design::cell::PlannedRun;
 use crate::study::design::plan::StudyPlan;
-use crate::study::evaluate::column;
-use crate::study::evaluate::completeness;
-use crate::study::evaluate::results::{CellResults, Results, ResultsError};
+use crate::study::execute::runner::ExpectedResults;
 use crate::study::store::StudyFolder;
 use crate::text::from_spreadsheet_cell;
 use row::Row;
@@ -45,10 +46,10 @@ pub(in crate::study) const MANIFEST: &str = "study.json";
 /// What made the runs of a study: `builds.json`.
 #[derive(Serialize, Deserialize)]
 pub(in crate::study) struct Builds {
-    pub(in crate::study) versions: BTreeSet<String>,
-    pub(in crate::study) commits: BTreeSet<String>,
+    versions: BTreeSet<String>,
+    commits: BTreeSet<String>,
     /// Hashes of the executables, in hexadecimal digits.
-    pub(in crate::study) executables: BTreeSet<String>,
+    executables: BTreeSet<String>,
     /// SHA-256 of the other files, by their names. Earlier versions did not write them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(in crate::study) sha256: BTreeMap<String, String>,
@@ -97,6 +98,7 @@ pub fn is_published(folder: &StudyFolder) -> bool {
 
 /// The rows of published runs, to compare repeated runs with.
 pub struct PublishedRuns {
+    folder: PathBuf,
     /// The study, with its cells but without runs.
     study: Results,
     /// Digests of the cells by their names, as the study file says.
@@ -139,6 +141,7 @@ impl PublishedRuns {
         }
         let cells = plan.cells.iter();
         Ok(Self {
+            folder: folder.path().to_owned(),
             study,
             digests: cells
                 .map(|cell| (cell.name.clone(), cell.digest.clone()))
@@ -146,24 +149,6 @@ impl PublishedRuns {
             columns,
             rows,
         })
-    }
-
-    /// Whether the table has this run.
-    #[must_use]
-    pub fn contains(&self, run: &PlannedRun<'_>) -> bool {
-        self.rows.contains_key(&key_of(run))
-    }
-
-    /// Whether a repeated run has the values of its rows, in all columns of the table. Cells with equal
-    /// settings share the run, and each has a row.
-    #[must_use]
-    pub fn is_reproduced_by(&self, run: &PlannedRun<'_>, outcome: &Outcome) -> bool {
-        let mut cells = self.study.cells.iter().filter(|cell| {
-            let name = &cell.description.name;
-            let shares_run = self.digests.get(name) == Some(&run.cell.digest);
-            shares_run && self.has_row(name, run.run_seed)
-        });
-        self.contains(run) && cells.all(|cell| self.is_same(cell, run.run_seed, outcome))
     }
 
     /// Whether the row of a run has the values of this outcome.
@@ -213,8 +198,30 @@ impl PublishedRuns {
     }
 }
 
-fn key_of(run: &PlannedRun<'_>) -> (String, u64) {
-    (run.cell.name.clone(), run.run_seed)
+impl ExpectedResults for PublishedRuns {
+    fn contains(&self, run: &PlannedRun<'_>) -> bool {
+        self.has_row(&run.cell.name, run.run_seed)
+    }
+
+    /// Visited states are not published.
+    fn windows(&self, _: &PlannedRun<'_>) -> Vec<u32> {
+        Vec::new()
+    }
+
+    /// Whether a repeated run has the values of its rows, in all columns of the table. Cells with equal
+    /// settings share the run, and each has a row.
+    fn is_reproduced_by(&self, run: &PlannedRun<'_>, outcome: &Outcome) -> bool {
+        let mut cells = self.study.cells.iter().filter(|cell| {
+            let name = &cell.description.name;
+            let shares_run = self.digests.get(name) == Some(&run.cell.digest);
+            shares_run && self.has_row(name, run.run_seed)
+        });
+        self.contains(run) && cells.all(|cell| self.is_same(cell, run.run_seed, outcome))
+    }
+
+    fn location(&self, _: &PlannedRun<'_>) -> PathBuf {
+        self.folder.clone()
+    }
 }
 
 /// The places of the columns by their names, and the rows.
