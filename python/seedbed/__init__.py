@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .reading import Run, load, runs
     from .recording import RecordingError, RecordVisitation, RecordVisitationVector
     from .registration import environment_id, tasks
+    from .vec_env_recording import RecordVecEnv
     from .vector import VectorEnv
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "Env",
     "Policy",
     "Quantity",
+    "RecordVecEnv",
     "RecordVisitation",
     "RecordVisitationVector",
     "RecordingError",
@@ -69,6 +71,7 @@ _MODULES = {
     "reading": ("Run", "load", "runs"),
     "recording": ("RecordVisitation", "RecordVisitationVector", "RecordingError"),
     "registration": ("environment_id", "tasks"),
+    "vec_env_recording": ("RecordVecEnv",),
     "vector": ("VectorEnv",),
 }
 """Modules of the names that are loaded when they are first used. Recorders need nothing but Gymnasium."""
