@@ -70,7 +70,7 @@ class EpisodeRecorder:
                 reward = float(reward) if type(reward) in NUMBERS else number_of_reward(reward)
             self._rewards[step] = reward
             self._total_reward += reward
-            # NumPy would repeat an array of one number.
+            # The usual case, without another call. NumPy would repeat an array of one number.
             is_flat = self._features is None and getattr(observation, "shape", None) == self._flat
             self._observations[step + 1] = observation if is_flat else self._recorded(observation, info)
             self._steps = step + 1
@@ -97,7 +97,8 @@ class EpisodeRecorder:
         """What is recorded of a state: `[observations]`."""
         if self._features is not None:
             return reshaped(self._features(observation, info), self._flat, "the result of features")
-        return reshaped(observation, self._flat, "the observation")
+        is_flat = getattr(observation, "shape", None) == self._flat
+        return observation if is_flat else reshaped(observation, self._flat, "the observation")
 
     def _empty(self) -> int:
         """Write the steps in memory; returns the number of steps that are left there: 0."""
