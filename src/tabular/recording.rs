@@ -96,6 +96,7 @@ impl TabularRecorder {
     }
 
     /// How an episode ended whose last state this is.
+    #[must_use]
     pub fn outcome_in(&self, state: u32) -> Status {
         if self.model.pairs(state).is_empty() {
             Status::Terminated
