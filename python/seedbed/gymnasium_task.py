@@ -29,6 +29,7 @@ class Gymnasium:
         workers: Number of worker processes; by default one per thread. Results do not depend on it.
         step_timeout: Time after which a reset or a step counts as hanging, s; by default 60.
         probe_steps: Number of random steps with which ranges are found; by default 10,000.
+        log_info: Names of entries of `info` that are recorded beside the observations.
         description: One sentence for people.
 
     Example:
@@ -49,6 +50,7 @@ class Gymnasium:
     workers: int | None = None
     step_timeout: float | None = None
     probe_steps: int | None = None
+    log_info: Sequence[str] | None = None
     description: str | None = None
 
     @property

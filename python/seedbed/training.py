@@ -159,7 +159,7 @@ def train(
         following = _Following(on_round, progress_here() if progress else None)
         following.run(arguments, given)
     if following.is_stopped:
-        following.finish(options)
+        following.finish(options, given.python_path)
     return Run(following.path, frames=frames)
 
 
@@ -276,7 +276,7 @@ class _Following:
                 if not self.is_stopped:
                     raise
 
-    def finish(self, options: Sequence[programs.Argument]) -> None:
+    def finish(self, options: Sequence[programs.Argument], python_path: Sequence[str]) -> None:
         """Finish the run that the callback has ended: its last round becomes that of its scenario.
 
         Raises:
@@ -288,14 +288,16 @@ class _Following:
         window = re.search(r"^    stop: Solved\([^)]*\bwindow: (\d+)", stored.read_text(encoding="utf-8"), re.MULTILINE)
         stop = f"stop.at_most={last}" if window and int(window[1]) <= last else f"stop=Episodes({last})"
         self._on_round = self._progress = None
-        self.run(["run", stored, "--out", self.path, "--resume", "--set", stop, *options], _Scenario(str(stored)))
+        scenario = _Scenario(str(stored), python_path=python_path)
+        self.run(["run", scenario.path, "--out", self.path, "--resume", "--set", stop, *options], scenario)
 
     @contextlib.contextmanager
     def _shown(self) -> Iterator[None]:
         try:
             yield
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"the run in {self.path} is interrupted; the same call with resume=True continues it") from None
+            place = f"the run in {self.path}" if self._agents else "the run"
+            raise KeyboardInterrupt(f"{place} is interrupted; the same call with resume=True continues it") from None
         finally:
             if self._progress is not None:
                 self._progress.close()

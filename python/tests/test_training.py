@@ -19,6 +19,7 @@ from typing import Any, get_args
 import gymnasium
 import numpy as np
 import pytest
+from conftest import REPOSITORY
 from gymnasium import spaces
 
 import seedbed
@@ -314,6 +315,10 @@ class TestEnvironments:
         moved = run.path.rename(Path("moved").absolute())
         assert "return" in program("evaluate", moved, "--episodes", 2, "--python", sys.executable)
 
+    def test_a_run_of_a_function_that_a_callback_ends(self):
+        run = seedbed.train(limited(lambda: make_corridor(5)), agents=2, on_round=lambda state: state.round < 2)
+        assert (run.state, run.summary["episodes_per_agent"]) == ("finished", 2)
+
     def test_functions_of_functions_and_their_arguments(self):
         limit = 6
 
@@ -372,6 +377,12 @@ class TestEnvironments:
         lock = __import__("threading").Lock()
         with pytest.raises(TypeError, match="`environment` that makes the environment cannot be sent to another process"):
             seedbed.train(lambda: Corridor(8 if lock.locked() else 7))
+
+    def test_all_settings_of_scenarios_are_arguments(self):
+        page = (REPOSITORY / "docs/gymnasium_tasks.md").read_text().split("## Settings")[1].split("\n## ")[0]
+        documented = re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)
+        assert len(documented) > 10
+        assert set(documented) <= set(inspect.signature(seedbed.Gymnasium).parameters)
 
     def test_settings_are_written_as_in_scenarios(self):
         task = seedbed.Gymnasium(
