@@ -14,8 +14,9 @@ Importing this package registers the built-in tasks with Gymnasium:
     >>> observations.shape
     (64, 4)
 
-`load` reads the results of the program `seedbed`, whose path is `seedbed.command()`:
+`train` trains a team of agents with the program `seedbed`, and `load` reads its results:
 
+    >>> run = seedbed.train("cartpole", agents=4, seed=0)  # doctest: +SKIP
     >>> run = seedbed.load("recordings/cartpole")  # doctest: +SKIP
     >>> action = run.policy(0)(observations[0])  # doctest: +SKIP
 """
@@ -29,46 +30,64 @@ from seedbed_command import command
 if TYPE_CHECKING:
     from ._native import Action, Quantity, Task, TaskError, __version__
     from .environment import Env
-    from .errors import RunError
+    from .errors import InputError, RunError
+    from .gymnasium_task import Gymnasium
     from .making import make, parallel_env
     from .policies import Policy
     from .reading import Run, load, runs
     from .recording import RecordingError, RecordVisitation, RecordVisitationVector
     from .registration import environment_id, tasks
+    from .studying import Study, Tuning, check, study, tune
+    from .training import RunState, train
+    from .vec_env_recording import RecordVecEnv
     from .vector import VectorEnv
 
 __all__ = [
     "Action",
     "Env",
+    "Gymnasium",
+    "InputError",
     "Policy",
     "Quantity",
+    "RecordVecEnv",
     "RecordVisitation",
     "RecordVisitationVector",
     "RecordingError",
     "Run",
     "RunError",
+    "RunState",
+    "Study",
     "Task",
     "TaskError",
+    "Tuning",
     "VectorEnv",
     "__version__",
+    "check",
     "command",
     "environment_id",
     "load",
     "make",
     "parallel_env",
     "runs",
+    "study",
     "tasks",
+    "train",
+    "tune",
 ]
 
 _MODULES = {
     "_native": ("Action", "Quantity", "Task", "TaskError", "__version__"),
     "environment": ("Env",),
-    "errors": ("RunError",),
+    "errors": ("InputError", "RunError"),
+    "gymnasium_task": ("Gymnasium",),
     "making": ("make", "parallel_env"),
     "policies": ("Policy",),
     "reading": ("Run", "load", "runs"),
     "recording": ("RecordVisitation", "RecordVisitationVector", "RecordingError"),
     "registration": ("environment_id", "tasks"),
+    "studying": ("Study", "Tuning", "check", "study", "tune"),
+    "training": ("RunState", "train"),
+    "vec_env_recording": ("RecordVecEnv",),
     "vector": ("VectorEnv",),
 }
 """Modules of the names that are loaded when they are first used. Recorders need nothing but Gymnasium."""

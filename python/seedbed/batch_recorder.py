@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from .agent_files import AgentFiles, buffered_steps, reshaped, warn_of_unfinished
+from .recorded_features import features_of_copies, info_of
 from .state_files import RUNNING, TERMINATED, TRUNCATED, RecordingError
 
 
@@ -25,11 +26,13 @@ class BatchRecorder:
         agent_files: AgentFiles,
         mode: AutoresetMode,
         numbers: Callable[[Any], NDArray[Any]],
+        features: Callable[[Any, Any], Any] | None,
         keep_unfinished: bool | None,
     ) -> None:
         self._agent_files = agent_files
         self._mode = mode
         self._numbers = numbers
+        self._features = features
         self._keep_unfinished = keep_unfinished
         header, copies = agent_files.headers[0], len(agent_files.headers)
         self._capacity = buffered_steps(agent_files.headers)
@@ -48,21 +51,34 @@ class BatchRecorder:
         self._will_reset = np.zeros(copies, np.bool_)
         """Copies that the next step only resets."""
 
-    def start(self, observations: Any, mask: NDArray[np.bool_] | None) -> None:
+    def start(self, observations: Any, infos: Any, mask: NDArray[np.bool_] | None) -> None:
         copies = np.flatnonzero(np.ones(len(self._is_running)) if mask is None else mask).tolist()
         _ = self._agent_files.files
         failures = self._for_each(copies, lambda copy: self._end_unfinished(copy, self._keep_unfinished is not False))
         if mask is None:
             self._row = 0
-        self._observations[self._row, copies] = self._flat(observations)[copies]
+        self._observations[self._row, copies] = self._recorded(observations, infos)[copies]
         self._begin(copies)
         if failures:
             raise failures[0]
 
-    def add(self, actions: Any, observations: Any, rewards: Any, terminated: Any, truncated: Any, infos: Any) -> None:
+    def add(
+        self,
+        actions: Any,
+        observations: Any,
+        rewards: Any,
+        terminated: Any,
+        truncated: Any,
+        infos: Any,
+        final_observations: Any,
+        final_infos: Any,
+    ) -> None:
+        """Record a step of all copies. The last three are needed where a step also resets copies: `infos` belong to
+        `observations`, and what is final to the episodes that ended."""
         self._agent_files.clock += 1
+        finals = final_observations, final_infos
         try:
-            failures = self._add(actions, observations, rewards, np.ravel(terminated), np.ravel(truncated), infos or {})
+            failures = self._add(actions, observations, rewards, np.ravel(terminated), np.ravel(truncated), infos, finals)
         except BaseException:
             # Some of the steps may be missing.
             self._is_running[:] = self._will_reset[:] = False
@@ -71,14 +87,21 @@ class BatchRecorder:
             raise failures[0]
 
     def _add(
-        self, actions: Any, observations: Any, rewards: Any, terminated: NDArray[Any], truncated: NDArray[Any], infos: Any
+        self,
+        actions: Any,
+        observations: Any,
+        rewards: Any,
+        terminated: NDArray[Any],
+        truncated: NDArray[Any],
+        infos: Any,
+        finals: tuple[Any, Any],
     ) -> list[RecordingError]:
         failures = self._empty() if self._row == self._capacity else []
         row = self._row
         self._actions[row] = self._numbers(actions)
         self._rewards[row] = reshaped(rewards, self._is_running.shape, "the array of rewards")
         self._row = row = row + 1
-        self._observations[row] = self._flat(observations)
+        self._observations[row] = self._recorded(observations, infos)
         ended = (terminated | truncated).astype(np.bool_)
         if self._will_reset.any():
             ended &= ~self._will_reset
@@ -86,7 +109,7 @@ class BatchRecorder:
         if ended.any():
 
             def end(copy: int) -> None:
-                self._end(copy, TERMINATED if terminated[copy] else TRUNCATED, self._last_observation(copy, infos))
+                self._end(copy, TERMINATED if terminated[copy] else TRUNCATED, self._last_observation(copy, *finals))
 
             failures += self._for_each(np.flatnonzero(ended & self._is_running).tolist(), end)
             if self._mode == AutoresetMode.NEXT_STEP:
@@ -120,7 +143,10 @@ class BatchRecorder:
                 failures.append(error)
         return failures
 
-    def _flat(self, observations: Any) -> NDArray[Any]:
+    def _recorded(self, observations: Any, infos: Any) -> NDArray[Any]:
+        """What is recorded of the states of all copies: `[copies, observations]`."""
+        if self._features is not None:
+            observations = features_of_copies(self._features, observations, infos or {}, len(self._is_running))
         return reshaped(observations, self._observations.shape[1:], "the array of observations")
 
     def _begin(self, copies: list[int]) -> None:
@@ -132,16 +158,19 @@ class BatchRecorder:
         self._total_reward[copies] = 0.0
         self._begin_step[copies] = self._agent_files.clock
 
-    def _last_observation(self, copy: int, infos: dict[str, Any]) -> Any:
+    def _last_observation(self, copy: int, final_observations: Any, final_infos: Any) -> Any:
         """The observation at the end of an episode, `[observations]`."""
         if self._mode != AutoresetMode.SAME_STEP:
             return self._observations[self._row, copy]
-        if "final_obs" not in infos or infos["final_obs"][copy] is None:
+        if final_observations is None or final_observations[copy] is None:
             raise RecordingError(
                 "infos has no final_obs, the last observation of an episode that ended (SAME_STEP): record it inside of "
                 "wrappers that remove it, or give the autoreset mode with autoreset_mode="
             )
-        return reshaped(infos["final_obs"][copy], self._observations.shape[2:], 'infos["final_obs"]')
+        last = final_observations[copy]
+        if self._features is not None:
+            last = self._features(last, info_of(final_infos or {}, copy))
+        return reshaped(last, self._observations.shape[2:], 'infos["final_obs"]')
 
     def _end_unfinished(self, copy: int, keep: bool) -> list[int]:
         """End a running episode; returns the number of its steps if there are any and they are left out."""

@@ -6,7 +6,7 @@ import copy
 import os
 from collections.abc import Mapping, Sequence
 from numbers import Real
-from typing import Any, ClassVar, TypeAlias, TypeVar
+from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
 
 import gymnasium
 import numpy as np
@@ -18,6 +18,12 @@ from .spaces import action_space, observation_space
 
 TaskLike: TypeAlias = Task | str | os.PathLike[str]
 """A task, the path of a task file, or the name of a task."""
+
+Physics: TypeAlias = Literal["rapier", "analytic"]
+"""Rigid bodies, or the analytic model of a task."""
+
+RenderMode: TypeAlias = Literal["rgb_array"]
+"""Render modes of tasks with bodies."""
 
 PICTURE_SIZE = (600, 400)
 """Width and height of pictures in pixels."""
@@ -160,9 +166,9 @@ class Env(Copyable, gymnasium.Env[NDArray[np.float32], Any]):
         self,
         task: TaskLike,
         *,
-        physics: str = "rapier",
+        physics: Physics = "rapier",
         max_episode_steps: int | None = None,
-        render_mode: str | None = None,
+        render_mode: RenderMode | None = None,
         run_seed: int | None = None,
     ) -> None:
         self.task = as_task(task, run_seed)
@@ -175,6 +181,9 @@ class Env(Copyable, gymnasium.Env[NDArray[np.float32], Any]):
         self.render_mode = render_mode
         self.observation_space = observation_space(self.task)
         self.action_space = action_space(self.task)
+
+    def __repr__(self) -> str:
+        return f"Env({self.task.name!r})"
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -12,15 +12,23 @@ from .agent_files import AgentFiles, buffered_steps, number_of_reward, reshaped,
 from .state_files import RUNNING, TERMINATED, TRUNCATED
 
 
+NUMBERS = frozenset({bool, np.float64, np.float32, np.int64})
+"""Types of rewards that are numbers of single or double precision."""
+
+
 class EpisodeRecorder:
     """Collects the steps of one agent, and writes them when the episode ends or the memory is full."""
 
     def __init__(
-        self, agent_files: AgentFiles, numbers: Callable[[Any], Any] | None, is_flat: bool, keep_unfinished: bool | None
+        self,
+        agent_files: AgentFiles,
+        numbers: Callable[[Any], Any] | None,
+        features: Callable[[Any, Any], Any] | None,
+        keep_unfinished: bool | None,
     ) -> None:
         self._agent_files = agent_files
         self._numbers = numbers
-        self._is_flat = is_flat
+        self._features = features
         self._keep_unfinished = keep_unfinished
         header = agent_files.headers[0]
         self._capacity = buffered_steps(agent_files.headers)
@@ -38,50 +46,67 @@ class EpisodeRecorder:
         """Steps of the environment before the running episode."""
         self._has_warned = False
 
-    def start(self, observation: Any) -> None:
+    def start(self, observation: Any, info: Any) -> None:
         _ = self._agent_files.files
         try:
             self._end_unfinished(self._keep_unfinished is not False)
         finally:
-            self._observations[0] = reshaped(observation, self._flat, "the observation")
+            self.is_running = self.is_left_out = False
+            self._observations[0] = self._recorded(observation, info)
             self._steps = self._first_step = 0
             self._total_reward = 0.0
             self._begin_step = self._agent_files.clock
-            self.is_running, self.is_left_out = True, False
+            self.is_running = True
 
-    def add(self, action: Any, reward: Any, observation: Any, terminated: Any, truncated: Any) -> None:
+    def add(self, action: Any, observation: Any, reward: Any, terminated: Any, truncated: Any, info: Any) -> None:
+        """Record a step. This is called as often as the environment is stepped."""
+        self._agent_files.clock += 1
         try:
-            self._add(action, reward, observation)
+            step = self._steps
+            if step == self._capacity:
+                step = self._empty()
+            self._actions[step] = action if self._numbers is None else self._numbers(action)
+            if type(reward) is not float:
+                reward = float(reward) if type(reward) in NUMBERS else number_of_reward(reward)
+            self._rewards[step] = reward
+            self._total_reward += reward
+            # The usual case, without another call. NumPy would repeat an array of one number.
+            is_flat = self._features is None and getattr(observation, "shape", None) == self._flat
+            self._observations[step + 1] = observation if is_flat else self._recorded(observation, info)
+            self._steps = step + 1
             if terminated or truncated:
                 self._end(TERMINATED if terminated else TRUNCATED)
         except BaseException:
             self.is_running, self.is_left_out = False, not (terminated or truncated)
             raise
 
-    def _add(self, action: Any, reward: Any, observation: Any) -> None:
-        if self._steps == self._capacity:
-            self._write(RUNNING)
-            self._observations[0] = self._observations[self._steps]
-            self._first_step += self._steps
-            self._steps = 0
-        step = self._steps
-        self._actions[step] = action if self._numbers is None else self._numbers(action)
-        if type(reward) is not float:
-            reward = number_of_reward(reward)
-        self._rewards[step] = reward
-        self._total_reward += reward
-        # NumPy would repeat an array of one number.
-        is_flat = self._is_flat and getattr(observation, "shape", None) == self._flat
-        self._observations[step + 1] = observation if is_flat else reshaped(observation, self._flat, "the observation")
-        self._steps = step + 1
-
-    def count_step(self) -> None:
+    def add_unrecorded(
+        self, observation: Any, reward: Any, terminated: Any, truncated: Any, info: Any, *, starts: bool
+    ) -> None:
+        """Count a step outside of a recorded episode; it is the first state of one if the environment resets itself."""
         self._agent_files.clock += 1
-
-    def warn_of_missing_reset(self) -> None:
-        if not self._has_warned:
+        if self.is_left_out:
+            self.is_left_out = not (terminated or truncated)
+        elif starts:
+            self.start(observation, info)
+        elif not self._has_warned:
             gymnasium.logger.warn("steps after the end of an episode, without a reset, are not recorded")
             self._has_warned = True
+
+    def _recorded(self, observation: Any, info: Any) -> Any:
+        """What is recorded of a state: `[observations]`."""
+        if self._features is not None:
+            return reshaped(self._features(observation, info), self._flat, "the result of features")
+        is_flat = getattr(observation, "shape", None) == self._flat
+        return observation if is_flat else reshaped(observation, self._flat, "the observation")
+
+    def _empty(self) -> int:
+        """Write the steps in memory; returns the number of steps that are left there: 0."""
+        self._write(RUNNING)
+        self._observations[0] = self._observations[self._steps]
+        self._first_step += self._steps
+        self._steps = 0
+        return 0
 
     def close(self) -> None:
         left_out = []

@@ -1,4 +1,4 @@
-"""Errors of reading runs."""
+"""Errors of runs and of the program `seedbed`."""
 
 from __future__ import annotations
 
@@ -19,4 +19,11 @@ class RunError(Exception):
         self.message = message
 
     def __reduce__(self) -> tuple[type[RunError], tuple[Path | None, str]]:
-        return RunError, (self.path, self.message)
+        return type(self), (self.path, self.message)
+
+
+class InputError(RunError, ValueError):
+    """An argument, a setting or a file is wrong. The message is that of the program, which ends with status 2.
+
+    Options that it names are arguments of the Python function: `--overwrite` is `overwrite=True`.
+    """

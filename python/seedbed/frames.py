@@ -53,6 +53,21 @@ def read_parquet(path: Path, frames: Frames, columns: Sequence[str] | None = Non
     return table.to_pandas(split_blocks=True) if frames == "pandas" else table
 
 
+def read_csv(path: Path, frames: Frames) -> Any:
+    """The frame of a CSV file; empty cells are missing."""
+    if frames == "polars":
+        import polars
+
+        return polars.read_csv(path, infer_schema_length=None)
+    if frames == "pandas":
+        import pandas
+
+        return pandas.read_csv(path)
+    import pyarrow.csv
+
+    return pyarrow.csv.read_csv(path)
+
+
 def from_rows(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, type], frames: Frames) -> Any:
     """The frame of rows whose cells may be None. Types of columns are str, int, float and datetime."""
     cells = {name: [row[name] for row in rows] for name in columns}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv as PettingZooParallelEnv
 
 from ._native import Batch
-from .environment import PICTURE_SIZE, Copyable, TaskLike, as_task, given_start, rendering, set_states
+from .environment import PICTURE_SIZE, Copyable, Physics, RenderMode, TaskLike, as_task, given_start, rendering, set_states
 from .seeding import checked_seed, random_seed
 from .spaces import action_space, observation_space
 
@@ -59,10 +59,10 @@ class ParallelEnv(Copyable, PettingZooParallelEnv[str, NDArray[np.float32], Any]
         task: TaskLike,
         agents: int = 2,
         *,
-        physics: str = "rapier",
+        physics: Physics = "rapier",
         threads: int | None = None,
         max_episode_steps: int | None = None,
-        render_mode: str | None = None,
+        render_mode: RenderMode | None = None,
         run_seed: int | None = None,
     ) -> None:
         self.task = as_task(task, run_seed)
@@ -84,6 +84,9 @@ class ParallelEnv(Copyable, PettingZooParallelEnv[str, NDArray[np.float32], Any]
         self._rewards = np.zeros(agents)
         self._terminated = np.zeros(agents, np.bool_)
         self._truncated = np.zeros(agents, np.bool_)
+
+    def __repr__(self) -> str:
+        return f"ParallelEnv({self.task.name!r}, agents={len(self.possible_agents)})"
 
     def observation_space(self, agent: str) -> spaces.Space[NDArray[np.float32]]:
         """Space of an agent's observations: the same object in each call."""

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from . import exports, pages, programs
 from .checksums import verify
 from .errors import RunError
 from .exports import Content
 from .frames import Frames, choose, from_rows, read_parquet
+from .notebooks import Figure, Page
 
 if TYPE_CHECKING:
     from ._native import Task
@@ -49,6 +50,13 @@ COLUMNS: dict[str, type] = {
     "written": datetime,
 }
 """Columns of `runs`, and their types."""
+
+
+Part: TypeAlias = Literal["visitation", "density", "difference", "returns", "curves", "scatter", "all"]
+"""Parts of a figure."""
+
+Color: TypeAlias = Literal["agent", "episode", "return", "outcome", "intrinsic-reward"]
+"""Quantities by which states are colored."""
 
 
 def load(path: str | os.PathLike[str], *, frames: Frames | None = None) -> Run:
@@ -103,6 +111,11 @@ def runs(folder: str | os.PathLike[str] = "recordings", *, frames: Frames | None
         raise FileNotFoundError(f"there is no folder {given}")
     chosen = choose(frames)
     return _frame(_listed(given), chosen)
+
+
+def _range(ends: tuple[float | None, float | None]) -> str:
+    """A range as on the command line."""
+    return "..".join("" if end is None else str(end) for end in ends)
 
 
 class Run:
@@ -271,8 +284,8 @@ class Run:
 
         return Policy(self._folder("policies") / POLICIES, agent, model)
 
-    def explore(self, path: str | os.PathLike[str] | None = None, *, states: int | None = None) -> Path:
-        """Write a page in which visited states are selected by brushes (`seedbed explore`).
+    def explore(self, path: str | os.PathLike[str] | None = None, *, states: int | None = None) -> Page:
+        """Write a page in which visited states are selected by brushes (`seedbed explore`). Notebooks show it.
 
         Args:
             path: The page; by default `explore.html` in the folder of the run.
@@ -284,7 +297,61 @@ class Run:
         out = Path(path) if path is not None else self._folder("place for a page") / "explore.html"
         limit = [] if states is None else ["--states", str(states)]
         programs.call("explore", self.path, "--out", out, *limit)
-        return out
+        return Page(out)
+
+    def plot(
+        self,
+        what: Part | Sequence[Part] | None = None,
+        *,
+        beside: Sequence[Run] = (),
+        path: str | os.PathLike[str] | None = None,
+        agents: Sequence[int] | None = None,
+        episodes: tuple[int | None, int | None] | None = None,
+        where: Mapping[str, tuple[float | None, float | None]] | None = None,
+        axes: Sequence[str] | None = None,
+        color: Color | None = None,
+        lines: int | None = None,
+        size: tuple[int, int] | None = None,
+    ) -> Figure:
+        """Draw visited states and returns (`seedbed plot`). Notebooks show the figure.
+
+        Args:
+            what: Parts, one below the other; by default visitation, difference, density and returns.
+            beside: Runs that are drawn beside this one.
+            path: The figure, an SVG or a PNG; by default `plot.svg` in the folder of the run.
+            agents: Numbers of the agents that are drawn.
+            episodes: First episode of each agent that is drawn, and the one after the last; None for no limit.
+            where: Ranges of quantities, such as `{"theta": (-0.1, 0.2), "return": (150, None)}`: only states in all of them are
+                drawn.
+            axes: Names of the axes, in their order.
+            color: Quantity by which states are colored.
+            lines: Maximum number of states that a panel draws one by one; by default 1000.
+            size: Width and height in CSS pixels.
+
+        Returns:
+            Path of the figure.
+
+        Raises:
+            InputError: An argument is invalid.
+            RunError: There is no recording, or it is damaged.
+
+        Example:
+            >>> run.plot(["visitation", "returns"], where={"return": (150, None)})  # doctest: +SKIP
+        """
+        out = Path(path) if path is not None else self._folder("place for a figure") / "plot.svg"
+        given: dict[str, list[str]] = {
+            "--what": [] if what is None else [what] if isinstance(what, str) else list(what),
+            "--agents": [] if agents is None else [str(agent) for agent in agents],
+            "--axes": [] if axes is None else list(axes),
+        }
+        options = [part for option, values in given.items() if values for part in (option, ",".join(values))]
+        options += [] if episodes is None else ["--episodes", _range(episodes)]
+        options += [part for name, ends in (where or {}).items() for part in ("--where", f"{name}={_range(ends)}")]
+        options += [] if color is None else ["--color", color]
+        options += [] if lines is None else ["--lines", str(lines)]
+        options += [] if size is None else ["--size", f"{size[0]}x{size[1]}"]
+        programs.call("plot", self.path, *(run.path for run in beside), "--out", out, *options)
+        return Figure(out)
 
     def to_html(self, path: str | os.PathLike[str]) -> Path:
         """Write the recording and the viewer into one page, which needs nothing but a browser.

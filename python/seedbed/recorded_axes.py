@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from .recorded_features import Features, feature_names
 from .state_files import MAX_AXES, MAX_NAME_BYTES, Axis
 
 Range: TypeAlias = tuple[float | None, float | None]
@@ -33,20 +34,17 @@ def observation_axes(
     names: Sequence[str] | None,
     units: Sequence[str] | Mapping[str, str] | None,
     ranges: Ranges,
+    features: Features | None,
 ) -> tuple[Axis, ...]:
-    """The axes of the observations in a space, with what is given in place of what is known."""
-    if not isinstance(space, spaces.Box):
-        raise TypeError(
-            f"the observation space is {space}, expected a Box: wrap the environment with "
-            "gymnasium.wrappers.FlattenObservation (of a vector environment: gymnasium.wrappers.vector.FlattenObservation) first"
-        )
-    count = int(np.prod(space.shape))
-    if not 0 < count <= MAX_OBSERVATIONS:
-        raise TypeError(
-            f"observations have the shape {space.shape}, expected 1 to {MAX_OBSERVATIONS} numbers: record features instead, "
-            "such as with gymnasium.wrappers.TransformObservation"
-        )
-    axes = _task_axes(task.observations) if task is not None else _box_axes(space, "obs", always_numbered=True)
+    """The axes of the features, or of the observations in a space, with what is given in place of what is known."""
+    if features is not None:
+        names = feature_names(features, names)
+        axes = tuple(Axis(name) for name in names)
+        if not 0 < len(axes) <= MAX_OBSERVATIONS:
+            raise ValueError(f"there are {len(axes)} features, expected 1 to {MAX_OBSERVATIONS}")
+    else:
+        axes = _task_axes(task.observations) if task is not None else _axes_of_space(space)
+    count = len(axes)
     if names is not None:
         if isinstance(names, str) or len(names) != count:
             raise ValueError(f"names is {names!r}, expected {count} names: one per observation")
@@ -63,6 +61,21 @@ def observation_axes(
         Axis(axis.name, axis.unit if unit is None else unit, *((axis.low, axis.high) if ends is None else ends))
         for axis, unit, ends in zip(axes, given_units, given_ranges, strict=True)
     )
+
+
+def _axes_of_space(space: spaces.Space[Any]) -> tuple[Axis, ...]:
+    if not isinstance(space, spaces.Box):
+        raise TypeError(
+            f"the observation space is {space}, expected a Box: wrap the environment with "
+            "gymnasium.wrappers.FlattenObservation (of a vector environment: gymnasium.wrappers.vector.FlattenObservation) "
+            "first, or record something else with features="
+        )
+    if not 0 < np.prod(space.shape) <= MAX_OBSERVATIONS:
+        raise TypeError(
+            f"observations have the shape {space.shape}, expected 1 to {MAX_OBSERVATIONS} numbers: record features instead, "
+            "with features="
+        )
+    return _box_axes(space, "obs", always_numbered=True)
 
 
 def action_axes(space: spaces.Space[Any], task: Any, names: Sequence[str] | None) -> tuple[Axis, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .recorded_axes import check_text
@@ -33,6 +33,48 @@ def header_of(
         step_seconds=_step_seconds(metadata.get("render_fps")),
         learner=None if learner_number == number else learner_number,
     )
+
+
+def headers_of(
+    agents: Sequence[int],
+    learners: Sequence[int],
+    environment: str,
+    observations: tuple[Axis, ...],
+    actions: tuple[Axis, ...],
+    spec: Any,
+    metadata: Mapping[str, Any],
+) -> list[Header]:
+    """The headers of the files of all copies of a vector environment."""
+    return [
+        header_of(agent, environment, observations, actions, spec, metadata, learner)
+        for agent, learner in zip(agents, learners, strict=True)
+    ]
+
+
+def agent_numbers(agents: Sequence[int] | None, copies: int) -> list[int]:
+    """The agent of each copy of a vector environment.
+
+    Raises:
+        ValueError: There are more or fewer numbers than copies, or one is no such number or is there twice.
+    """
+    numbers = [agent_number("agents", agent) for agent in (range(copies) if agents is None else agents)]
+    if len(numbers) != copies or len(set(numbers)) != len(numbers):
+        raise ValueError(f"agents is {numbers}, expected {copies} different numbers: one per copy")
+    return numbers
+
+
+def learner_numbers(learners: Sequence[int] | None, agents: Sequence[int]) -> list[int]:
+    """The learner of each copy; by default one acts in all copies.
+
+    Raises:
+        ValueError: There are more or fewer numbers than copies, or one is no such number.
+    """
+    if learners is None:
+        return [agents[0]] * len(agents)
+    numbers = [agent_number("learners", learner) for learner in learners]
+    if len(numbers) != len(agents):
+        raise ValueError(f"learners is {numbers}, expected {len(agents)} numbers: one per copy")
+    return numbers
 
 
 def agent_number(name: str, number: Any) -> int:

@@ -13,7 +13,7 @@ import os
 import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import gymnasium
 import numpy as np
@@ -24,10 +24,29 @@ from .batch_recorder import BatchRecorder
 from .episode_recorder import EpisodeRecorder
 from .recorded_actions import action_numbers, batch_action_numbers
 from .recorded_axes import Ranges, action_axes, observation_axes
-from .recorded_environment import agent_number, has_wrapper, header_of, name_of, spec_of, task_of
+from .recorded_environment import (
+    agent_numbers,
+    has_wrapper,
+    header_of,
+    headers_of,
+    learner_numbers,
+    name_of,
+    spec_of,
+    task_of,
+)
+from .recorded_features import Features, feature_function
 from .state_files import RecordingError
 
 __all__ = ["RecordVisitation", "RecordVisitationVector", "RecordingError"]
+
+
+def refuse_copies(recorder: object) -> NoReturn:
+    """Refuse to copy a recorder, or to send it to another process."""
+    name = type(recorder).__name__
+    raise TypeError(
+        f"a {name} cannot be copied or sent to another process, because both would write to one file; "
+        f"make it there instead, such as SubprocVecEnv([lambda: {name}(make_env(), folder, agent=k), …])"
+    )
 
 
 class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -49,13 +68,16 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
     Numbers are recorded in single precision, after a warning if they are too large for it.
 
     Args:
-        env: An environment whose observations are a Box, with at most 1000 numbers. All Dict, Tuple and Discrete
-            observations can be flattened with `gymnasium.wrappers.FlattenObservation` first.
+        env: An environment whose observations are a Box, with at most 1000 numbers, unless `features` are recorded. All Dict,
+            Tuple and Discrete observations can be flattened with `gymnasium.wrappers.FlattenObservation` first.
         folder: Folder of the run.
         agent: Number of the agent, from 0.
         learner: Number of the learner that acts. Give agents the same number if they are copies of an environment in which
             one learner acts, such as those of a `SubprocVecEnv`: they count as one. By default each agent is a learner.
-        names: Name of each observation; by default those of a seedbed task, or `obs_0`, `obs_1`, …
+        features: What is recorded in place of the observations, such as of pictures: a function of `(observation, info)` that
+            returns numbers, whose `names` must be given; or names of entries of `info`, which are NaN where they are missing.
+            The agent observes what it did before.
+        names: Name of each observation or feature; by default those of a seedbed task, or `obs_0`, `obs_1`, …
         units: Unit of each observation, or of some by name, such as `{"x": "m"}`.
         ranges: Ends of the axis of each observation, or of some by name, such as `{"x": (-1, 1)}`. By default those
             of a seedbed task, or finite bounds of the Box; all other ends are the smallest and largest finite
@@ -84,6 +106,7 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         folder: str | os.PathLike[str],
         agent: int = 0,
         *,
+        features: Features | None = None,
         names: Sequence[str] | None = None,
         units: Sequence[str] | Mapping[str, str] | None = None,
         ranges: Ranges = None,
@@ -96,36 +119,30 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
     ) -> None:
         super().__init__(env)
         task = task_of(env)
-        observations = observation_axes(env.observation_space, task, names, units, ranges)
+        observations = observation_axes(env.observation_space, task, names, units, ranges, features)
         actions = action_axes(env.action_space, task, action_names)
         name = environment or name_of(env, env.spec)
         header = header_of(agent, name, observations, actions, env.spec, env.metadata, learner)
         files = AgentFiles(Path(folder).absolute(), [header], overwrite, resume)
-        is_flat = len(env.observation_space.shape or ()) == 1
-        self._recorder = EpisodeRecorder(files, action_numbers(env.action_space, task), is_flat, keep_unfinished)
+        convert = action_numbers(env.action_space, task)
+        self._recorder = EpisodeRecorder(files, convert, feature_function(features), keep_unfinished)
         self._finish = weakref.finalize(self, self._recorder.close)
         self._autoresets = has_wrapper(env, gymnasium.wrappers.Autoreset)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start a new episode; see `gymnasium.Env.reset`."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._recorder.start(observation)
+        self._recorder.start(observation, info)
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Step the environment, and record the step; see `gymnasium.Env.step`."""
         result = self.env.step(action)
-        observation, reward, terminated, truncated, _ = result
         recorder = self._recorder
-        recorder.count_step()
         if recorder.is_running:
-            recorder.add(action, reward, observation, terminated, truncated)
-        elif recorder.is_left_out:
-            recorder.is_left_out = not (terminated or truncated)
-        elif self._autoresets:
-            recorder.start(observation)
+            recorder.add(action, *result)
         else:
-            recorder.warn_of_missing_reset()
+            recorder.add_unrecorded(*result, starts=self._autoresets)
         return result
 
     def close(self) -> None:
@@ -135,11 +152,7 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         finally:
             super().close()
 
-    def __getstate__(self) -> NoReturn:
-        raise TypeError(
-            "a RecordVisitation cannot be copied or sent to another process, because both would write to one file; "
-            "make it there instead, such as SubprocVecEnv([lambda: RecordVisitation(make_env(), folder, agent=k), …])"
-        )
+    __getstate__ = refuse_copies
 
 
 class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
@@ -150,11 +163,12 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
     Steps that only reset a copy (`AutoresetMode.NEXT_STEP`) are not recorded, because they are no transitions.
 
     Args:
-        env: A vector environment whose observations are a Box, in any autoreset mode.
+        env: A vector environment whose observations are a Box, unless `features` are recorded, in any autoreset mode.
         folder: Folder of the run.
         agents: Number of the agent of each copy; by default 0, 1, …
         learners: Number of the learner of each copy, such as `range(env.num_envs)` if each has its own; by default the
             number of the first agent for all copies.
+        features: As for `RecordVisitation`; a function is called for each copy, with its observation and its `info`.
         autoreset_mode: Autoreset mode, if `env.metadata` does not have it.
 
     Raises:
@@ -167,13 +181,14 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         folder: str | os.PathLike[str],
         agents: Sequence[int] | None = None,
         *,
+        features: Features | None = None,
         names: Sequence[str] | None = None,
         units: Sequence[str] | Mapping[str, str] | None = None,
         ranges: Ranges = None,
         action_names: Sequence[str] | None = None,
         environment: str | None = None,
         learners: Sequence[int] | None = None,
-        autoreset_mode: str | AutoresetMode | None = None,
+        autoreset_mode: Literal["NextStep", "SameStep", "Disabled"] | AutoresetMode | None = None,
         overwrite: bool = False,
         resume: bool = False,
         keep_unfinished: bool | None = None,
@@ -182,25 +197,20 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         mode = autoreset_mode or env.metadata.get("autoreset_mode")
         if mode is None:
             raise ValueError("env.metadata has no autoreset_mode; give it, such as autoreset_mode='NextStep'")
-        numbers = [agent_number("agents", agent) for agent in (range(env.num_envs) if agents is None else agents)]
-        if len(numbers) != env.num_envs or len(set(numbers)) != len(numbers):
-            raise ValueError(f"agents is {numbers}, expected {env.num_envs} different numbers: one per copy")
-        given_learners = [numbers[0]] * len(numbers) if learners is None else learners
-        learner_numbers = [agent_number("learners", learner) for learner in given_learners]
-        if len(learner_numbers) != env.num_envs:
-            raise ValueError(f"learners is {learner_numbers}, expected {env.num_envs} numbers: one per copy")
-        task = task_of(env)
-        observations = observation_axes(env.single_observation_space, task, names, units, ranges)
-        actions = action_axes(env.single_action_space, task, action_names)
-        spec = spec_of(env)
-        name = environment or name_of(env, spec)
-        headers = [
-            header_of(agent, name, observations, actions, spec, env.metadata, learner)
-            for agent, learner in zip(numbers, learner_numbers, strict=True)
-        ]
+        task, spec = task_of(env), spec_of(env)
+        numbers = agent_numbers(agents, env.num_envs)
+        headers = headers_of(
+            numbers,
+            learner_numbers(learners, numbers),
+            environment or name_of(env, spec),
+            observation_axes(env.single_observation_space, task, names, units, ranges, features),
+            action_axes(env.single_action_space, task, action_names),
+            spec,
+            env.metadata,
+        )
         files = AgentFiles(Path(folder).absolute(), headers, overwrite, resume)
         convert = batch_action_numbers(env.single_action_space, task)
-        self._recorder = BatchRecorder(files, AutoresetMode(mode), convert, keep_unfinished)
+        self._recorder = BatchRecorder(files, AutoresetMode(mode), convert, feature_function(features), keep_unfinished)
         self._finish = weakref.finalize(self, self._recorder.close)
 
     def reset(
@@ -210,13 +220,14 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         # Gymnasium removes the mask from `options`.
         mask = options.get("reset_mask") if isinstance(options, Mapping) else None
         observations, infos = self.env.reset(seed=seed, options=options)
-        self._recorder.start(observations, None if mask is None else np.array(mask))
+        self._recorder.start(observations, infos, None if mask is None else np.array(mask))
         return observations, infos
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Step all copies, and record the steps; see `gymnasium.vector.VectorEnv.step`."""
         result = self.env.step(actions)
-        self._recorder.add(actions, *result)
+        infos = result[4] or {}
+        self._recorder.add(actions, *result[:4], infos, infos.get("final_obs"), infos.get("final_info"))
         return result
 
     def close(self, **kwargs: Any) -> None:
@@ -226,4 +237,4 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         finally:
             super().close(**kwargs)
 
-    __getstate__ = RecordVisitation.__getstate__
+    __getstate__ = refuse_copies

@@ -83,6 +83,9 @@ MAX_SPARSE_AGENTS = 1024
 each number takes memory in the program."""
 
 
+APPENDING = os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0)
+
+
 class RecordingError(Exception):
     """A file of visited states cannot be written or read."""
 
@@ -266,8 +269,10 @@ class StateFile:
         self.next_episode = 0
         self._folder = folder
         self._process = os.getpid()
+        self._path_text = str(self.path)
         self._has_rival = False
         self._has_warned = False
+        self._names = [axis.name for axis in header.observations], [axis.name for axis in header.actions], ["reward"]
         self._size = 0
         self._end_step = 0
         with explained(folder), locked(folder):
@@ -335,12 +340,16 @@ class StateFile:
             begin_step: Steps of the environment before the episode.
         """
         start = EPISODE_START.pack(self.next_episode, first_step, len(rewards), outcome, total_reward)
-        arrays = (
-            self._single_precision(observations, [axis.name for axis in self.header.observations]),
-            self._single_precision(actions, [axis.name for axis in self.header.actions]),
-            self._single_precision(rewards, ["reward"]),
-        )
-        content = frame(EPISODE, start + b"".join(arrays))
+        ends = observations.size, observations.size + actions.size
+        single = np.empty(ends[1] + rewards.size, "<f4")
+        with np.errstate(over="ignore"):
+            single[: ends[0]] = observations.reshape(-1)
+            single[ends[0] : ends[1]] = actions.reshape(-1)
+            single[ends[1] :] = rewards
+        if not self._has_warned and not np.isfinite(single).all():
+            for values, names in zip((observations, actions, rewards), self._names, strict=True):
+                self._warn_of_too_large(values, names)
+        content = frame(EPISODE, start + single.tobytes())
         if first_step == 0 and begin_step != self._end_step:
             content = frame(BEGIN, struct.pack("<Q", begin_step)) + content
         is_end = outcome != RUNNING
@@ -348,10 +357,9 @@ class StateFile:
         if is_end:
             self._end_step = begin_step + first_step + len(rewards)
 
-    def _single_precision(self, values: NDArray[np.floating], names: Sequence[str]) -> bytes:
+    def _warn_of_too_large(self, values: NDArray[np.floating], names: Sequence[str]) -> None:
         with np.errstate(over="ignore"):
-            single = np.ascontiguousarray(values, "<f4")
-        too_large = np.isinf(single) & np.isfinite(values)
+            too_large = np.isinf(values.astype(np.float32)) & np.isfinite(values)
         if too_large.any() and not self._has_warned:
             self._has_warned = True
             index = np.argwhere(too_large)[0]
@@ -361,7 +369,6 @@ class StateFile:
                 RuntimeWarning,
                 stacklevel=2,
             )
-        return single.tobytes()
 
     def close(self) -> None:
         """Append the mark that the recorder was closed, unless another recorder writes to the file."""
@@ -390,7 +397,7 @@ class StateFile:
                 "make the recorder in the process that steps the environment"
             )
         try:
-            descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
+            descriptor = os.open(self._path_text, APPENDING)
         except OSError as error:
             raise RecordingError(f"cannot append to {self.path}: {error}") from error
         size, number = self._size + len(content), self.next_episode + episodes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -12,9 +12,23 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from ._native import Batch
-from .environment import PICTURE_SIZE, RENDER_MODES, Copyable, TaskLike, as_task, given_start, rendering, set_states
+from .environment import (
+    PICTURE_SIZE,
+    RENDER_MODES,
+    Copyable,
+    Physics,
+    RenderMode,
+    TaskLike,
+    as_task,
+    given_start,
+    rendering,
+    set_states,
+)
 from .seeding import checked_seed, random_seed
 from .spaces import action_space, observation_space
+
+Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]
+"""When a copy whose episode has ended is reset: the values of Gymnasium's `AutoresetMode`."""
 
 BATCH_AUTORESET = {
     AutoresetMode.NEXT_STEP: "next_step",
@@ -71,12 +85,12 @@ class VectorEnv(Copyable, gymnasium.vector.VectorEnv[NDArray[np.float32], Any, N
         task: TaskLike,
         num_envs: int = 1,
         *,
-        physics: str = "rapier",
+        physics: Physics = "rapier",
         threads: int | None = None,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        autoreset_mode: Autoreset | AutoresetMode = "NextStep",
         copy: bool = True,
         max_episode_steps: int | None = None,
-        render_mode: str | None = None,
+        render_mode: RenderMode | None = None,
         run_seed: int | None = None,
     ) -> None:
         super().__init__()

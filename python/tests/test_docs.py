@@ -14,6 +14,7 @@ from conftest import REPOSITORY
 import seedbed
 from seedbed import (
     environment,
+    gymnasium_task,
     making,
     parallel,
     policies,
@@ -23,13 +24,16 @@ from seedbed import (
     seeding,
     spaces,
     state_files,
+    studying,
+    training,
     vector,
 )
 
-PAGES = [REPOSITORY / path for path in ("docs/python.md", "docs/own_algorithm_in_python.md", "python/README.md")]
+PAGES = [REPOSITORY / path for path in ("docs/python.md", "docs/from_stable_baselines3.md", "docs/own_algorithm_in_python.md", "python/README.md")]
 MODULES = [
     seedbed,
     environment,
+    gymnasium_task,
     making,
     parallel,
     policies,
@@ -39,6 +43,8 @@ MODULES = [
     seeding,
     spaces,
     state_files,
+    studying,
+    training,
     vector,
 ]
 

@@ -85,3 +85,18 @@ def test_other_versions_of_the_viewer_are_refused(cartpole_run: Path, tmp_path: 
     monkeypatch.setattr(importlib.metadata, "version", lambda name: "0.40.0")
     with pytest.raises(ImportError, match=r"needs rerun-notebook 0\.36\.3: .*; version 0\.40\.0 is installed"):
         seedbed.load(cartpole_run).to_html(tmp_path / "page.html")
+
+
+def test_notebooks_show_the_page_of_visited_states(cartpole_run: Path, browser: Any, tmp_path: Path):
+    """The output of a cell, in a page of its own. Brushes work there, although the frame has no address."""
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.support.wait import WebDriverWait
+
+    page = seedbed.load(cartpole_run).explore(tmp_path / "explore.html", states=2000)
+    (tmp_path / "output.html").write_text(f"<!doctype html><meta charset=utf-8>{page._repr_html_()}", encoding="utf-8")
+    browser.get((tmp_path / "output.html").as_uri())
+    browser.switch_to.frame(browser.find_element(By.TAG_NAME, "iframe"))
+    WebDriverWait(browser, SECONDS, poll_frequency=1).until(lambda _: browser.find_elements(By.TAG_NAME, "canvas"))
+    assert colored_share(pixels(browser)) > 0.01
+    button = next(each for each in browser.find_elements(By.TAG_NAME, "button") if each.is_displayed())
+    button.click()

@@ -10,9 +10,10 @@ use clap::Args;
 
 use super::interruption::StopRequests;
 use super::progress::StudyProgress;
+use super::study_curves::StudyCurves;
 use super::{CliError, pluralize, warning_without_locks};
-use seedbed::experiment::RunControl;
 use seedbed::experiment::checkpoint::{CheckpointEvent, RunCheckpoints};
+use seedbed::experiment::{MeasuredRound, OnRound, RunControl};
 use seedbed::run::thread_count;
 use seedbed::storage::file_lock::FileLock;
 use seedbed::study::design::cell::PlannedRun;
@@ -31,6 +32,10 @@ pub(super) struct ExecutionArgs {
     /// Start even if the runs seem to need more memory than there is
     #[arg(long)]
     pub(super) ignore_memory: bool,
+    /// Write returns and metrics of each run as event files of TensorBoard to DIR/<cell>/seed-<N>, while it
+    /// trains
+    #[arg(long, value_name = "DIR")]
+    pub(super) tensorboard: Option<PathBuf>,
     /// Abort the process when N runs are finished, as a crash would: for tests
     #[arg(long, value_name = "N", hide = true)]
     pub(super) abort_after_runs: Option<usize>,
@@ -90,7 +95,14 @@ pub(super) fn execute_runs(
     let progress = Mutex::new(StudyProgress::new(study_name, runs));
     let failures = Mutex::new(Vec::new());
     let finished_runs = AtomicUsize::new(0);
+    let curves = args
+        .tensorboard
+        .as_ref()
+        .map(|folder| StudyCurves::new(folder, runs));
     let report_finished = |finished: &runner::FinishedRun<'_>| {
+        if let Some(curves) = &curves {
+            curves.end(finished.run);
+        }
         progress
             .lock()
             .expect(LOCK_IS_INTACT)
@@ -119,10 +131,14 @@ pub(super) fn execute_runs(
     if let Some(distance) = args.checkpoint_distance {
         checkpoints = checkpoints.with_min_distance(Duration::from_millis(distance));
     }
+    let add_round = curves
+        .as_ref()
+        .map(|curves| |round: &MeasuredRound<'_>| curves.add(round));
     let control = RunControl {
         interrupted: stop,
         checkpoints: Some(&checkpoints),
         digest: "",
+        on_round: add_round.as_ref().map(|add| add as OnRound<'_>),
     };
     let result = runner::run(runs, folder, jobs(args), control, &report_finished);
     drop(progress);

@@ -50,6 +50,11 @@ impl Drop for StopRequests {
     }
 }
 
+/// Asks running work to stop, as a first request does.
+pub(super) fn request() {
+    IS_REQUESTED.store(true, Ordering::Relaxed);
+}
+
 fn set_message(message: Option<&'static str>) {
     *MESSAGE.lock().unwrap_or_else(PoisonError::into_inner) = message;
 }

@@ -38,11 +38,13 @@ mod progress;
 mod ranks;
 mod replay;
 mod report;
+mod round_questions;
 mod run;
 mod runs;
 mod salvage;
 mod sparkline;
 mod study;
+mod study_curves;
 mod tune;
 
 use std::io::Write;
@@ -198,6 +200,8 @@ Existing files are never overwritten.")]
   seedbed run cartpole --seed 3                  a scenario by its name (`seedbed list scenarios`)
   seedbed run scenarios/mine.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)'
   seedbed run cartpole --seed 3 --resume         continue an interrupted run; results are bit-identical
+  seedbed run cartpole --tensorboard logs/cartpole
+                                                 write curves during training (`tensorboard --logdir logs`)
   seedbed run cartpole --set 'stop=Episodes(20000)' --serve
                                                  let viewers connect at any time (`rerun --connect`)
   seedbed run cartpole --set 'stop=Episodes(20000)' --live
@@ -239,6 +243,13 @@ struct RunArgs {
     /// Print nothing but errors and warnings
     #[arg(long, short)]
     quiet: bool,
+    /// Write returns and metrics as event files of TensorBoard to this directory during training
+    #[arg(long, value_name = "DIR")]
+    tensorboard: Option<PathBuf>,
+    /// After each round print it as a line of JSON, and wait for a line on the standard input: `continue`, or `stop`
+    /// to interrupt the run
+    #[arg(long, conflicts_with = "mpi")]
+    ask_after_rounds: bool,
     /// Divide the run over the processes that `mpirun` or `srun` has started; results do not depend on
     /// their number (docs/cluster.md)
     #[arg(long)]

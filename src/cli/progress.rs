@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 
+use seedbed::run::measures::RoundRows;
 use seedbed::run::{Observer, Progress};
 use seedbed::study::design::cell::PlannedRun;
 
@@ -14,7 +15,7 @@ pub(super) struct NoProgress;
 impl Observer for NoProgress {
     fn begun(&mut self, _: &Progress) {}
 
-    fn round_finished(&mut self, _: &Progress) {}
+    fn round_finished(&mut self, _: &Progress, _: &RoundRows) {}
 
     fn warn(&mut self, warning: &str) {
         note!("warning: {warning}");
@@ -24,34 +25,36 @@ impl Observer for NoProgress {
 /// Aborts the process without cleanup when a number of rounds is finished. So tests of resuming get
 /// a crash at a known moment.
 pub(super) struct AbortAfter {
-    rounds_left: u32,
-    inner: Box<dyn Observer>,
-}
-
-impl AbortAfter {
-    pub(super) fn new(rounds: u32, inner: Box<dyn Observer>) -> Self {
-        Self {
-            rounds_left: rounds,
-            inner,
-        }
-    }
+    pub(super) rounds: u32,
 }
 
 impl Observer for AbortAfter {
-    fn begun(&mut self, progress: &Progress) {
-        self.inner.begun(progress);
-    }
+    fn begun(&mut self, _: &Progress) {}
 
-    fn round_finished(&mut self, progress: &Progress) {
-        self.inner.round_finished(progress);
-        self.rounds_left = self.rounds_left.saturating_sub(1);
-        if self.rounds_left == 0 {
+    fn round_finished(&mut self, _: &Progress, _: &RoundRows) {
+        self.rounds = self.rounds.saturating_sub(1);
+        if self.rounds == 0 {
             std::process::abort();
         }
     }
+}
+
+/// Several observers of one run, in their order.
+pub(super) struct Observers(pub(super) Vec<Box<dyn Observer>>);
+
+impl Observer for Observers {
+    fn begun(&mut self, progress: &Progress) {
+        self.0.iter_mut().for_each(|each| each.begun(progress));
+    }
+
+    fn round_finished(&mut self, progress: &Progress, rows: &RoundRows) {
+        self.0
+            .iter_mut()
+            .for_each(|each| each.round_finished(progress, rows));
+    }
 
     fn warn(&mut self, warning: &str) {
-        self.inner.warn(warning);
+        self.0.iter_mut().for_each(|each| each.warn(warning));
     }
 }
 
@@ -90,7 +93,7 @@ impl Observer for RunProgress {
         }
     }
 
-    fn round_finished(&mut self, progress: &Progress) {
+    fn round_finished(&mut self, progress: &Progress, _: &RoundRows) {
         let rate = (progress.env_steps - self.steps_before) as f64
             / self.started.elapsed().as_secs_f64().max(1e-3);
         let rate = HumanCount(rate as u64);

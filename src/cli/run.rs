@@ -6,9 +6,11 @@ use std::time::{Duration, Instant};
 
 use super::interruption::StopRequests;
 use super::memory;
-use super::progress::{AbortAfter, NoProgress, RunProgress};
+use super::progress::{AbortAfter, NoProgress, Observers, RunProgress};
+use super::round_questions::RoundQuestions;
 use super::{CliError, RunArgs, former_names, pluralize, ranks, warning_without_locks};
 use seedbed::experiment::{self, Experiment, Loaded, RunEnding, RunReport};
+use seedbed::export::live_curves::LiveCurves;
 use seedbed::input_files::{self, Directory};
 use seedbed::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
 use seedbed::run::folder::{Contents, RunFolder};
@@ -50,6 +52,11 @@ fn load(args: &RunArgs, ranks: Ranks) -> Result<(Arc<dyn Experiment>, RunFolder)
     let mut overrides = args.overrides.clone();
     overrides.extend(args.seed.map(|seed| format!("seed={seed}")));
     let path = input_files::find_argument(&args.scenario, &[Directory::Scenarios])?;
+    if args.ask_after_rounds && input_files::is_stream(&args.scenario) {
+        let message =
+            "the standard input has the answers of --ask-after-rounds; expected a scenario file";
+        return Err(CliError::Usage(message.to_owned()));
+    }
     check_can_be_divided(args, None, ranks)?;
     let Loaded {
         experiment,
@@ -120,11 +127,11 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
         note!("note       {note}");
     }
     let (started, waited_before) = (Instant::now(), time_waited());
-    let mut observer = observer(args, experiment.name());
+    let mut observer = observer(args, &*experiment, &options.folder)?;
     let stop_requests = StopRequests::listen("stopping, at the latest after this round");
     let recorder_factory = run_recorder_factory(args, &options.folder, live);
     let interrupted = stop_requests.flag();
-    let ending = experiment.run_in_folder(&options, recorder_factory, &mut *observer, interrupted);
+    let ending = experiment.run_in_folder(&options, recorder_factory, &mut observer, interrupted);
     drop((observer, stop_requests));
     let ending = ending.map_err(|error| with_resume_hint(error, args, &options.folder))?;
     let seconds = started.elapsed().as_secs_f64();
@@ -200,16 +207,35 @@ pub(super) fn recorder_factory_at(path: &Path) -> Box<dyn RecorderFactory> {
     })
 }
 
-fn observer(args: &RunArgs, name: &str) -> Box<dyn Observer> {
-    let progress: Box<dyn Observer> = if args.quiet {
+/// All that follows the run, in the order in which it gets a round.
+fn observer(
+    args: &RunArgs,
+    experiment: &dyn Experiment,
+    folder: &RunFolder,
+) -> Result<Observers, CliError> {
+    let mut observers: Vec<Box<dyn Observer>> = vec![if args.quiet {
         Box::new(NoProgress)
     } else {
-        Box::new(RunProgress::new(name))
-    };
-    match args.abort_after_rounds {
-        Some(rounds) => Box::new(AbortAfter::new(rounds, progress)),
-        None => progress,
+        Box::new(RunProgress::new(experiment.name()))
+    }];
+    if let Some(curves) = &args.tensorboard {
+        let begun = LiveCurves::begin(curves, args.resume, |reason| note!("warning: {reason}"));
+        let begun = begun.map_err(|error| {
+            CliError::Runtime(format!("cannot write to {}: {error}", curves.display()))
+        })?;
+        observers.push(Box::new(begun));
     }
+    if args.ask_after_rounds {
+        observers.push(Box::new(RoundQuestions {
+            name: experiment.name().to_owned(),
+            agents: experiment.agents(),
+            folder: folder.path().to_owned(),
+        }));
+    }
+    if let Some(rounds) = args.abort_after_rounds {
+        observers.push(Box::new(AbortAfter { rounds }));
+    }
+    Ok(Observers(observers))
 }
 
 /// The viewer or server that shows the recording during the run; `None` without `--live` and

@@ -17,9 +17,10 @@ pub use self::training::NO_THRESHOLD;
 use crate::experiment::checkpoint::RunCheckpoints;
 use crate::experiment::measure::Measure;
 use crate::experiment::run_result::RunResult;
+use crate::run::measures::RoundRows;
 use crate::run::ranks::Ranks;
 use crate::run::recorder::RecorderFactory;
-use crate::run::{Observer, Options, RunError};
+use crate::run::{Observer, Options, Progress, RunError};
 use seedbed_env::TaskSpec;
 use seedbed_input::FORMER_NAMES;
 use seedbed_settings::Settings;
@@ -197,6 +198,24 @@ pub struct RunControl<'a> {
     pub checkpoints: Option<&'a RunCheckpoints<'a>>,
     /// Digest of the experiment, by which checkpoints are found.
     pub digest: &'a str,
+    /// Called with each round of training runs, from the thread that makes the run.
+    pub on_round: Option<OnRound<'a>>,
+}
+
+/// What is done with a round of a run.
+pub type OnRound<'a> = &'a (dyn Fn(&MeasuredRound<'_>) + Sync);
+
+/// A round of a run that is measured.
+#[derive(Clone, Copy, Debug)]
+pub struct MeasuredRound<'a> {
+    /// Digest of the experiment.
+    pub digest: &'a str,
+    /// Run seed.
+    pub run_seed: u64,
+    /// The progress of the run.
+    pub progress: &'a Progress,
+    /// The rows that the round adds to the tables.
+    pub rows: &'a RoundRows,
 }
 
 impl<'a> RunControl<'a> {
@@ -207,6 +226,7 @@ impl<'a> RunControl<'a> {
             interrupted,
             checkpoints: None,
             digest: "",
+            on_round: None,
         }
     }
 

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
 
 use super::{
-    Experiment, RunControl, RunEnding, RunQueue, RunReport, RunRequest, StopRule,
+    Experiment, MeasuredRound, RunControl, RunEnding, RunQueue, RunReport, RunRequest, StopRule,
     measure_one_by_one,
 };
 use crate::experiment::COST_PER_MINUTE;
@@ -19,11 +19,14 @@ use crate::run::execution::stopping::with_grace;
 use crate::run::facts::EpisodeRow;
 use crate::run::facts::{FINAL_WINDOW, Summary};
 use crate::run::folder::Contents;
+use crate::run::measures::RoundRows;
 use crate::run::ranks::Ranks;
 use crate::run::recorder::RecorderFactory;
 use crate::run::training::shared_world::{SharedWorld, runs_per_world};
 use crate::run::training::{RoundFailure, Trainer};
-use crate::run::{self, Observer, Options, Plan, RecorderFactories, RunError, RunOutcome};
+use crate::run::{
+    self, Observer, Options, Plan, Progress, RecorderFactories, RunError, RunOutcome,
+};
 use crate::scenario::recording::RecordingSettings;
 use crate::scenario::{Scenario, Schedule, TaskReference};
 use crate::text::pluralize;
@@ -177,6 +180,7 @@ impl Experiment for Plan {
                     let round = trainer.advance();
                     let rows = round.map_err(|diverged| located(self, diverged))?.rows;
                     run.measured.add_round(&trainer, &rows);
+                    report_round(self, run_seed, &trainer, &rows, control);
                 }
                 Ok(Some(run.measured.finish()))
             })
@@ -271,7 +275,10 @@ fn measure_in_world(
             continue;
         };
         let trainer = world.trainer(place);
-        let round = round.map(|round| run.measured.add_round(trainer, &round.rows));
+        let round = round.map(|round| {
+            run.measured.add_round(trainer, &round.rows);
+            report_round(plan, request.run_seed, trainer, &round.rows, control);
+        });
         if round.is_err() || is_done(trainer, stop_rule) {
             let failure = round.map_err(|diverged| located(plan, diverged).to_string());
             world.end(place);
@@ -285,6 +292,24 @@ fn measure_in_world(
         } else {
             runs[place] = Some((request, run));
         }
+    }
+}
+
+/// Passes a round on, if anyone wants to know.
+fn report_round(
+    plan: &Plan,
+    run_seed: u64,
+    trainer: &Trainer,
+    rows: &RoundRows,
+    control: RunControl<'_>,
+) {
+    if let Some(on_round) = control.on_round {
+        on_round(&MeasuredRound {
+            digest: control.digest,
+            run_seed,
+            progress: &Progress::of(plan, trainer),
+            rows,
+        });
     }
 }
 

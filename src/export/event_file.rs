@@ -258,6 +258,19 @@ pub fn version_event() -> Event {
     }
 }
 
+/// The event with which a process continues a run: values at this step and later ones, which an earlier process
+/// wrote, are void.
+#[must_use]
+pub fn start_event(step: i64) -> Event {
+    Event {
+        step,
+        session_log: Some(SessionLog {
+            status: SessionLog::START,
+        }),
+        ..Event::default()
+    }
+}
+
 /// An event with one number. Its time is 0: the same run gives the same bytes.
 #[must_use]
 pub fn scalar_event(step: i64, tag: &str, value: f32) -> Event {

@@ -3,6 +3,7 @@
 
 mod csv;
 pub mod event_file;
+pub mod live_curves;
 mod npz;
 mod parquet;
 mod recording;

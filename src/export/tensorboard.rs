@@ -16,11 +16,14 @@ use crate::storage::files::{self, Replacement};
 type Point = (i64, String, f64);
 
 /// Names of the directories.
-const TEAM: &str = "team";
+pub(super) const TEAM: &str = "team";
 const AGENT: &str = "agent_";
 
-/// Name of the event file in each directory.
+/// Name of the exported event file in each directory.
 const FILE: &str = "events.out.tfevents.0.seedbed";
+
+/// Beginning and end of the names of all event files of seedbed, around a number.
+const FILE_NAME: [&str; 2] = ["events.out.tfevents.", ".seedbed"];
 
 /// Writes the curves of a run below `folder` and returns the number of values. Curves that were exported
 /// to `folder` before, such as those of another run with more agents, are removed first.
@@ -48,12 +51,12 @@ pub fn export(run: &LoadedRun, folder: &Path) -> io::Result<usize> {
             }
         }
     }
-    remove_earlier_export(folder)?;
+    remove_earlier(folder)?;
     for (name, points) in &curves {
         let subfolder = folder.join(name);
         if let Err(error) = write_events(&subfolder, points) {
             // A part of the curves could be taken for the whole.
-            remove_earlier_export(folder)?;
+            remove_earlier(folder)?;
             let _ = fs::remove_dir(subfolder);
             return Err(error);
         }
@@ -61,12 +64,40 @@ pub fn export(run: &LoadedRun, folder: &Path) -> io::Result<usize> {
     Ok(curves.values().map(Vec::len).sum())
 }
 
-fn agent_folder(agent: u32) -> String {
+/// Name of the directory of an agent.
+pub(super) fn agent_folder(agent: u32) -> String {
     format!("{AGENT}{agent}")
 }
 
-/// Removes the event files of an earlier export, and the directories that are empty then.
-fn remove_earlier_export(folder: &Path) -> io::Result<()> {
+/// Name of the event file that the process with this number, from 1, writes during training. TensorBoard reads files
+/// in the order of their names.
+pub(super) fn live_file_name(number: u32) -> String {
+    let [begin, end] = FILE_NAME;
+    format!("{begin}{number:06}{end}")
+}
+
+/// Number of an event file of seedbed; `None` if the file is another one.
+fn number_of(name: &str) -> Option<u32> {
+    let [begin, end] = FILE_NAME;
+    name.strip_prefix(begin)?.strip_suffix(end)?.parse().ok()
+}
+
+/// The largest number of the event files in the directories of the team and of agents; 0 if there are none.
+pub(super) fn largest_number(folder: &Path) -> io::Result<u32> {
+    let mut largest = 0;
+    for subfolder in subfolders(folder)? {
+        let numbers = names_in(&subfolder)?.into_iter();
+        let numbers = numbers.filter_map(|name| number_of(&name));
+        largest = numbers.fold(largest, u32::max);
+    }
+    Ok(largest)
+}
+
+/// Removes the event files of an earlier export or run, and the directories that are empty then.
+///
+/// # Errors
+/// A file cannot be removed, or a directory has event files of other programs; then nothing is removed.
+pub(super) fn remove_earlier(folder: &Path) -> io::Result<()> {
     let subfolders: Vec<PathBuf> = subfolders(folder)?;
     for subfolder in &subfolders {
         files::remove_abandoned_of(&subfolder.join(FILE));
@@ -79,12 +110,15 @@ fn remove_earlier_export(folder: &Path) -> io::Result<()> {
         }
     }
     for subfolder in subfolders {
-        match fs::remove_file(subfolder.join(FILE)) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
-            removed => removed?,
+        let names = names_in(&subfolder)?.into_iter();
+        let own: Vec<String> = names.filter(|name| number_of(name).is_some()).collect();
+        for name in &own {
+            fs::remove_file(subfolder.join(name))?;
         }
-        // A directory with other files stays.
-        let _ = fs::remove_dir(subfolder);
+        if !own.is_empty() {
+            // A directory with other files stays.
+            let _ = fs::remove_dir(subfolder);
+        }
     }
     Ok(())
 }
@@ -111,14 +145,17 @@ fn subfolders(folder: &Path) -> io::Result<Vec<PathBuf>> {
 
 /// An event file that another program wrote to a directory.
 fn event_file_of_others(folder: &Path) -> io::Result<Option<PathBuf>> {
-    for entry in fs::read_dir(folder)? {
-        let entry = entry?;
-        let name = entry.file_name();
-        if name != FILE && name.to_string_lossy().contains("tfevents") {
-            return Ok(Some(entry.path()));
-        }
-    }
-    Ok(None)
+    let mut names = names_in(folder)?.into_iter();
+    let other = names.find(|name| name.contains("tfevents") && number_of(name).is_none());
+    Ok(other.map(|name| folder.join(name)))
+}
+
+/// Names of the files in a directory.
+fn names_in(folder: &Path) -> io::Result<Vec<String>> {
+    let name = |entry: io::Result<fs::DirEntry>| {
+        entry.map(|entry| entry.file_name().to_string_lossy().into_owned())
+    };
+    fs::read_dir(folder)?.map(name).collect()
 }
 
 /// Writes an event file to a directory.

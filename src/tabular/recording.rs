@@ -90,13 +90,19 @@ impl TabularRecorder {
         }
         let next = start_episode(&self.model, &self.spec, step.agent, step.episode + 1);
         let mut finished = std::mem::replace(episode, next);
-        finished.outcome = if self.model.pairs(step.to).is_empty() {
+        finished.outcome = self.outcome_in(step.to);
+        self.finished.push(finished);
+        self.record_complete_rounds()
+    }
+
+    /// How an episode ended whose last state this is.
+    #[must_use]
+    pub fn outcome_in(&self, state: u32) -> Status {
+        if self.model.pairs(state).is_empty() {
             Status::Terminated
         } else {
             Status::Truncated
-        };
-        self.finished.push(finished);
-        self.record_complete_rounds()
+        }
     }
 
     /// Records every round in which all agents have finished their episode. Some agents may be

@@ -8,11 +8,12 @@ use super::results::{Results, Summary};
 use super::scenario::TabularScenario;
 use super::team::{Episode, TabularTeam};
 use crate::run::execution::stopping;
-use crate::run::facts::FINAL_WINDOW;
+use crate::run::facts::{EpisodeRow, FINAL_WINDOW};
+use crate::run::measures::RoundRows;
 use crate::run::recorder::RecorderFactory;
 use crate::run::{Observer, Options, Progress, RunError};
 use crate::text::file_stem;
-use seedbed_env::TaskSpec;
+use seedbed_env::{Status, TaskSpec};
 
 /// A tabular scenario that can be run.
 #[derive(Clone, Debug)]
@@ -106,7 +107,12 @@ fn play(
         if let Some(episode) = step.ended_episode {
             episodes.push(episode);
             report_warning(recorder, observer);
-            observer.round_finished(&progress(plan, &team, episodes));
+            let row = row_of(&episode, team.steps(), recorder.outcome_in(step.to));
+            let rows = RoundRows {
+                episodes: vec![row],
+                updates: Vec::new(),
+            };
+            observer.round_finished(&progress(plan, &team, episodes), &rows);
         }
         if interrupted.load(Ordering::Relaxed) && episodes.len() < plan.team_episodes() {
             return Ok(None);
@@ -121,12 +127,30 @@ fn report_warning(recorder: &mut TabularRecorder, observer: &mut dyn Observer) {
     }
 }
 
+/// The row of an episode. Measures of visits are not computed during tabular runs.
+fn row_of(episode: &Episode, env_steps: u64, outcome: Status) -> EpisodeRow {
+    EpisodeRow {
+        agent: episode.agent,
+        episode: episode.episode,
+        round: episode.episode,
+        env_steps,
+        r#return: episode.r#return,
+        length: episode.length,
+        outcome,
+        coverage: f64::NAN,
+        visitation_entropy: f64::NAN,
+        team_overlap: f64::NAN,
+        effective_agents: f64::NAN,
+    }
+}
+
 /// Progress counts the episodes of the whole team, because agents finish episodes at different
 /// times.
 fn progress(plan: &TabularPlan, team: &TabularTeam, episodes: &[Episode]) -> Progress {
     let recent = &episodes[episodes.len().saturating_sub(FINAL_WINDOW)..];
     let sum: f64 = recent.iter().map(|episode| episode.r#return).sum();
     Progress {
+        rounds: episodes.len() as u32,
         episodes: episodes.len(),
         max_episodes: plan.team_episodes(),
         max_env_steps: None,

@@ -22,6 +22,7 @@ use seedbed::review::LoadedRun;
 use seedbed::review::overview::RunOverview;
 use seedbed::run::evaluate::{EvaluationSettings, evaluate};
 use seedbed::run::folder::RunFolder;
+use seedbed::run::measures::RoundRows;
 use seedbed::run::ranks::Ranks;
 use seedbed::run::recorder::{RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo};
 use seedbed::run::replay::{ReplaySettings, replay};
@@ -178,7 +179,7 @@ struct InterruptAfter<'a> {
 impl Observer for InterruptAfter<'_> {
     fn begun(&mut self, _: &Progress) {}
 
-    fn round_finished(&mut self, progress: &Progress) {
+    fn round_finished(&mut self, progress: &Progress, _: &RoundRows) {
         let is_over = progress.episodes >= self.rounds;
         self.interrupted.store(is_over, Ordering::Relaxed);
     }

@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use seedbed::run::evaluate::{EvaluationSettings, evaluate};
 use seedbed::run::folder::RunFolder;
+use seedbed::run::measures::RoundRows;
 use seedbed::run::ranks::Ranks;
 use seedbed::run::{Observer, Options, Plan, Progress, execute};
 use seedbed_input::numbers::ranged_number;
@@ -23,7 +24,7 @@ struct SilentObserver;
 impl Observer for SilentObserver {
     fn begun(&mut self, _: &Progress) {}
 
-    fn round_finished(&mut self, _: &Progress) {}
+    fn round_finished(&mut self, _: &Progress, _: &RoundRows) {}
 }
 
 /// A run's file, read into memory.

@@ -114,10 +114,10 @@ fn lead(
             return Ok(RunOutcome::Interrupted { rounds });
         };
         let trainer = run.trainer.local();
+        observer.round_finished(&Progress::of(plan, trainer), &round.rows);
         let (rounds, episodes) = (trainer.rounds(), trainer.newest_episodes());
         run.recorder.record(rounds - 1, &episodes, round)?;
         report_warnings(&mut run.recorder, observer);
-        observer.round_finished(&Progress::of(plan, run.trainer.local()));
         if run.checkpoint_if_due()? {
             run.trainer.end();
             return Ok(RunOutcome::Interrupted { rounds });

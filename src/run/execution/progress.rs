@@ -1,7 +1,10 @@
 //! How a run is executed, and what is told of its course.
 
+use serde::Serialize;
+
 use crate::run::facts::Summary;
 use crate::run::folder::RunFolder;
+use crate::run::measures::RoundRows;
 use crate::run::plan::Plan;
 use crate::run::ranks::Ranks;
 use crate::run::recorder::RecorderFactory;
@@ -33,16 +36,19 @@ pub trait Observer {
     /// Called before the first round of this process. The progress of a resumed run is not zero.
     fn begun(&mut self, progress: &Progress);
 
-    /// Called after each round; in tabular runs, which have no rounds, after each episode.
-    fn round_finished(&mut self, progress: &Progress);
+    /// Called after each round with the rows that it adds to the tables; in tabular runs, which have no rounds,
+    /// after each episode.
+    fn round_finished(&mut self, progress: &Progress, rows: &RoundRows);
 
     /// Called with a message that the user should see. No data is lost.
     fn warn(&mut self, _warning: &str) {}
 }
 
 /// The progress of a run.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Progress {
+    /// Number of finished rounds; in tabular runs, of finished episodes.
+    pub rounds: u32,
     /// Number of finished episodes: per agent in training, of the whole team in tabular runs.
     pub episodes: usize,
     /// Maximum number of episodes, counted in the same way.
@@ -71,9 +77,10 @@ pub enum RunOutcome {
 
 impl Progress {
     /// The progress of a run so far.
-    pub(super) fn of(plan: &Plan, trainer: &Trainer) -> Self {
+    pub(crate) fn of(plan: &Plan, trainer: &Trainer) -> Self {
         let measures = trainer.measures();
         Self {
+            rounds: trainer.rounds(),
             episodes: measures.episodes_per_agent(),
             max_episodes: plan.scenario.max_episodes() as usize,
             recent_return: measures.final_return().unwrap_or(0.0),

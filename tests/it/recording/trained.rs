@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use seedbed::record::recording::RecordingFile;
 use seedbed::record::table::TableFiles;
 use seedbed::run::folder::RunFolder;
+use seedbed::run::measures::RoundRows;
 use seedbed::run::ranks::Ranks;
 use seedbed::run::training::Trainer;
 use seedbed::run::{Observer, Options, Plan, Progress, RecorderFactories, RunOutcome, execute};
@@ -38,7 +39,7 @@ struct SilentObserver;
 impl Observer for SilentObserver {
     fn begun(&mut self, _: &Progress) {}
 
-    fn round_finished(&mut self, _: &Progress) {}
+    fn round_finished(&mut self, _: &Progress, _: &RoundRows) {}
 }
 
 /// The cart-pole scenario with overrides.

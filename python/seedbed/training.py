@@ -1,0 +1,371 @@
+"""Training teams of agents with the program `seedbed`.
+
+>>> import seedbed
+>>> run = seedbed.train("cartpole", agents=4, seed=0)  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from . import programs
+from .errors import InputError, RunError
+from .frames import Frames
+from .gymnasium_task import Gymnasium
+from .progress import RunProgress, progress_here
+from .reading import Run
+from .ron import Expression, quoted, ron_text
+
+AlgorithmName: TypeAlias = Literal[
+    "SeedPg",
+    "LeaderFollowers",
+    "QLearning",
+    "SeedTd",
+    "BootstrappedDqn",
+    "HyperAgent",
+    "SeedPsrl",
+    "CrossEntropy",
+    "Random",
+]
+"""Names of algorithms, as `seedbed list algorithms` shows them."""
+
+Environment: TypeAlias = "str | os.PathLike[str] | Gymnasium | Callable[..., Any]"
+"""A task: its name, its file, an environment of Gymnasium, or a function that returns one."""
+
+Settings: TypeAlias = Sequence[str] | Mapping[str, Any]
+"""Values of a scenario that are replaced: `["algorithm.discount=0.9"]` or `{"algorithm.discount": 0.9}`."""
+
+
+@dataclass(frozen=True)
+class RunState:
+    """A run after a round, for `on_round` of `train`.
+
+    Attributes:
+        round: Number of finished rounds; of finished episodes in tabular runs.
+        episodes: Number of episodes that each agent has finished; of all agents in tabular runs.
+        max_episodes: Number of episodes after which the run ends at the latest.
+        env_steps: Number of environment steps of the whole team.
+        mean_return: Mean return of the episodes of this round; NaN if none has ended.
+        recent_return: Mean over agents of the mean return of each one's last 25 episodes.
+        returns: For each agent the mean return of its episodes of this round, NaN if none has ended: `[K]`.
+        finished: Rows of `episodes.csv` that this round adds: a dictionary per episode.
+        updates: Rows of `rounds.csv` that this round adds: a dictionary per update of an agent. What was not measured is None.
+        path: Folder of the run.
+    """
+
+    round: int
+    episodes: int
+    max_episodes: int
+    env_steps: int
+    mean_return: float
+    recent_return: float
+    returns: list[float]
+    finished: list[dict[str, Any]]
+    updates: list[dict[str, Any]]
+    path: Path
+
+
+OnRound: TypeAlias = Callable[[RunState], "bool | None"]
+"""Called after each round; False ends the run."""
+
+
+def train(
+    environment: Environment | None = None,
+    *,
+    scenario: str | os.PathLike[str] | None = None,
+    algorithm: AlgorithmName | str | None = None,
+    agents: int | None = None,
+    seed: int | None = None,
+    set: Settings = (),  # noqa: A002
+    out: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    on_round: OnRound | None = None,
+    threads: int | None = None,
+    recording: bool = True,
+    save_initial: bool = False,
+    tensorboard: str | os.PathLike[str] | None = None,
+    other_versions: bool = False,
+    progress: bool = True,
+    frames: Frames | None = None,
+) -> Run:
+    """Train a team of agents, and return its run. The bits are those of `seedbed run` with the same settings.
+
+    Control-C interrupts the run after its round, or before it if the round takes long; the same call with `resume=True`
+    continues with the same bits.
+
+    Args:
+        environment: Name of a task, path of a task file, a `Gymnasium`, or a function that returns an environment of
+            Gymnasium. The function may be one of a notebook: worker processes get it pickled by value.
+        scenario: A scenario, by name or path, in place of an environment: its environment, algorithm and other settings are the
+            defaults of this call.
+        algorithm: Name of an algorithm, or its settings: `"SeedPg"`, `"SeedPg(discount: 0.9)"`. By default `SeedPg`.
+        agents: Number of agents K; by default 1.
+        seed: Run seed, from which all random numbers are derived; by default 0.
+        set: Values that are replaced, as by `--set`: `["stop=Episodes(300)"]`, or a map such as
+            `{"agents.count": 16, "stop": "Episodes(300)"}`, whose texts are written as they are.
+        out: Folder of the run; by default `recordings/NAME/seed-N`.
+        resume: Continue the interrupted run in `out`.
+        overwrite: Replace the run in `out`.
+        on_round: Called with a `RunState` after each round. If it returns False, the run ends there, and is finished as by
+            `stop=Episodes(n)` with the number of episodes that were played. If it raises, the run is interrupted.
+        threads: Number of threads; results do not depend on it. By default the number of cores.
+        recording: Whether visited states are recorded.
+        save_initial: Whether `policies.safetensors` also has agent seeds and initial parameters.
+        tensorboard: Folder for event files of TensorBoard, which are written during training.
+        other_versions: With `resume=True`, continue an environment of Gymnasium with other versions of Python packages.
+        progress: Whether progress is shown, in the terminal or in the notebook.
+        frames: Library of the tables of the run; see `load`.
+
+    Returns:
+        The finished run.
+
+    Raises:
+        InputError: An argument, a setting or a file is wrong; also if `out` has a run already.
+        RunError: The run failed, such as by an error of the environment. All finished rounds are kept.
+        TypeError: The environment has another type, or its function cannot be pickled.
+        KeyboardInterrupt: The run was interrupted.
+
+    Example:
+        >>> run = train("cartpole", agents=4, set=["stop=Episodes(50)"])  # doctest: +SKIP
+        >>> run.summary["final_return"]  # doctest: +SKIP
+    """
+    settings = setting_arguments(algorithm, agents, set)
+    options = _options(threads, recording, save_initial, tensorboard)
+    with tempfile.TemporaryDirectory(prefix="seedbed-") as folder:
+        if scenario is not None and environment is None:
+            given, out_folder = _Scenario(os.fspath(scenario)), out
+        elif scenario is None and environment is not None:
+            name = task_name(environment)
+            out_folder = out or Path("recordings") / name / f"seed-{seed or 0}"
+            given = _scenario_of(environment, name, Path(folder), Path(out_folder) if resume else None)
+        else:
+            raise TypeError("expected either an environment or a scenario")
+        arguments: list[programs.Argument] = ["run", given.path, *settings, *options]
+        arguments += [] if seed is None else ["--seed", str(seed)]
+        arguments += [] if out_folder is None else ["--out", out_folder]
+        flags = {"--resume": resume, "--overwrite": overwrite, "--other-versions": other_versions}
+        arguments += [flag for flag, is_given in flags.items() if is_given]
+        following = _Following(on_round, progress_here() if progress else None)
+        following.run(arguments, given)
+    if following.is_stopped:
+        following.finish(options, given.python_path)
+    return Run(following.path, frames=frames)
+
+
+@dataclass(frozen=True)
+class _Scenario:
+    """What the program is given."""
+
+    path: str
+    """Name or path of the scenario."""
+    is_written: bool = False
+    """Whether it was written for this call: errors do not name its file."""
+    python_path: Sequence[str] = ()
+    """Folders in which worker processes find modules."""
+
+
+def task_name(environment: Environment) -> str:
+    """Name of a task.
+
+    Raises:
+        TypeError: It is something else.
+    """
+    if isinstance(environment, Gymnasium):
+        return environment.name
+    if isinstance(environment, str | os.PathLike):
+        return Path(environment).name.removesuffix(".ron")
+    if callable(environment):
+        return Gymnasium(environment).name
+    if hasattr(environment, "reset"):
+        raise TypeError(f"the environment is {environment!r}, expected a function that returns one, such as lambda: gymnasium.make(…)")
+    raise TypeError(f"the environment is {environment!r}, expected a name, a file, a seedbed.Gymnasium or a function")
+
+
+def task_text(environment: Environment, folder: Path, resumed: Path | None = None) -> str:
+    """A task as in a scenario.
+
+    Args:
+        environment: The task.
+        folder: Folder to which the file of a function is written.
+        resumed: Folder of the run that is resumed.
+    """
+    if isinstance(environment, str | os.PathLike):
+        given = os.fspath(environment)
+        # Relative to the working directory, not to the scenario.
+        return quoted(os.path.abspath(given) if given.endswith(".ron") else given)
+    task = environment if isinstance(environment, Gymnasium) else Gymnasium(environment)
+    return task.text(folder, None if resumed is None else resumed / "envs" / f"{task.name}.py")
+
+
+def _scenario_of(environment: Environment, name: str, folder: Path, resumed: Path | None) -> _Scenario:
+    """A scenario with nothing but its environment."""
+    path = folder / f"{name}.ron"
+    path.write_text(f"Scenario(environment: {task_text(environment, folder, resumed)})\n", encoding="utf-8")
+    return _Scenario(str(path), is_written=True, python_path=python_path_of(environment))
+
+
+def python_path_of(environment: Environment) -> list[str]:
+    """Folders in which worker processes find the modules that a function uses: those of this process."""
+    function = environment.id if isinstance(environment, Gymnasium) else environment
+    return [os.path.abspath(folder) for folder in sys.path] if callable(function) else []
+
+
+def setting_arguments(algorithm: str | None, agents: int | None, replaced: Settings) -> list[str]:
+    """The arguments `--set PATH=VALUE` of the program."""
+    settings = [] if algorithm is None else [f"algorithm={algorithm}{'()' if algorithm.isidentifier() else ''}"]
+    settings += [] if agents is None else [f"agents.count={agents}"]
+    if isinstance(replaced, str):
+        raise TypeError(f"set is {replaced!r}, expected a list such as [{replaced!r}]")
+    if isinstance(replaced, Mapping):
+        values = {path: Expression(value) if isinstance(value, str) else value for path, value in replaced.items()}
+        settings += [f"{path}={ron_text(value, path)}" for path, value in values.items()]
+    else:
+        settings += replaced
+    return [part for setting in settings for part in ("--set", setting)]
+
+
+def _options(
+    threads: int | None, recording: bool, save_initial: bool, tensorboard: str | os.PathLike[str] | None
+) -> list[programs.Argument]:
+    """Options that a resumed run needs again."""
+    options: list[programs.Argument] = ["--quiet", "--ask-after-rounds"]
+    options += [] if threads is None else ["--threads", str(threads)]
+    options += [] if recording else ["--no-recording"]
+    options += ["--save-initial"] if save_initial else []
+    options += [] if tensorboard is None else ["--tensorboard", tensorboard]
+    return options
+
+
+class _Following:
+    """Follows a run: shows its progress, and asks the callback whether it goes on."""
+
+    def __init__(self, on_round: OnRound | None, progress: RunProgress | None) -> None:
+        self.path = Path()
+        self.is_stopped = False
+        """Whether the callback has ended the run before its end."""
+        self._asked_to_stop = False
+        self._on_round = on_round
+        self._progress = progress
+        self._agents = 0
+        self._episodes = 0
+
+    def run(self, arguments: Sequence[programs.Argument], scenario: _Scenario) -> None:
+        """Run the program.
+
+        Raises:
+            RunError: It failed.
+        """
+        with self._shown(), _with_python_words(scenario):
+            try:
+                programs.follow(
+                    arguments, on_line=self._answer, on_message=self._show_message, python_path=scenario.python_path
+                )
+            except RunError as error:
+                self.is_stopped = self._asked_to_stop and "; resume with" in error.message
+                if not self.is_stopped:
+                    raise
+
+    def finish(self, options: Sequence[programs.Argument], python_path: Sequence[str]) -> None:
+        """Finish the run that the callback has ended: its last round becomes that of its scenario.
+
+        Raises:
+            RunError: It failed.
+        """
+        stored = self.path / "scenario.ron"
+        last = max(self._episodes, 1)
+        # A task that may count as solved by the scenario does so here too.
+        window = re.search(r"^    stop: Solved\([^)]*\bwindow: (\d+)", stored.read_text(encoding="utf-8"), re.MULTILINE)
+        stop = f"stop.at_most={last}" if window and int(window[1]) <= last else f"stop=Episodes({last})"
+        self._on_round = self._progress = None
+        scenario = _Scenario(str(stored), python_path=python_path)
+        self.run(["run", scenario.path, "--out", self.path, "--resume", "--set", stop, *options], scenario)
+
+    @contextlib.contextmanager
+    def _shown(self) -> Iterator[None]:
+        try:
+            yield
+        except KeyboardInterrupt:
+            place = f"the run in {self.path}" if self._agents else "the run"
+            raise KeyboardInterrupt(f"{place} is interrupted; the same call with resume=True continues it") from None
+        finally:
+            if self._progress is not None:
+                self._progress.close()
+
+    def _show_message(self, message: str) -> None:
+        if self._progress is not None:
+            self._progress.message(message)
+        else:
+            print(message, file=sys.stderr)
+
+    def _answer(self, line: str) -> str | None:
+        """The answer to a line of the program; None if it expects none."""
+        kind, content = next(iter(json.loads(line).items()))
+        if kind == "begun":
+            self.path, self._agents = Path(content["folder"]).absolute(), content["agents"]
+            if self._progress is not None:
+                self._progress.begin(content["scenario"], content)
+            return None
+        self._episodes = content["episodes"]
+        self._asked_to_stop = self._on_round is not None and self._ask(self._on_round, content) is False
+        if self._progress is not None:
+            self._progress.show(content)
+        return "stop" if self._asked_to_stop else "continue"
+
+    def _ask(self, on_round: OnRound, content: Mapping[str, Any]) -> bool | None:
+        if self._progress is not None:
+            # The callback may print.
+            self._progress.hide()
+        return on_round(self._state(content))
+
+    def _state(self, content: Mapping[str, Any]) -> RunState:
+        of_agents: list[list[float]] = [[] for _ in range(self._agents)]
+        for row in content["finished"]:
+            of_agents[row["agent"]].append(row["return"])
+        all_returns = [each for returns in of_agents for each in returns]
+        return RunState(
+            round=content["rounds"],
+            episodes=content["episodes"],
+            max_episodes=content["max_episodes"],
+            env_steps=content["env_steps"],
+            mean_return=_mean(all_returns),
+            recent_return=content["recent_return"],
+            returns=[_mean(returns) for returns in of_agents],
+            finished=content["finished"],
+            updates=content["updates"],
+            path=self.path,
+        )
+
+
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values) if values else math.nan
+
+
+@contextlib.contextmanager
+def _with_python_words(scenario: _Scenario) -> Iterator[None]:
+    """Errors in the words of Python: of a file that was written for this call, and of commands to resume the run."""
+    try:
+        yield
+    except RunError as error:
+        message = error.message
+        if scenario.is_written:
+            message = message.replace(scenario.path, "environment").replace(f"{Path(scenario.path).parent}{os.sep}", "")
+        message = re.sub(r"\n  seedbed (run .*)$", lambda found: "\n  " + _call(found[1]), message)
+        raise type(error)(error.path, message) from None
+
+
+def _call(command: str) -> str:
+    """The arguments of `train` that a command to resume a run means."""
+    arguments = {"--resume": "resume=True", "--no-recording": "recording=False"}
+    given = [argument for option, argument in arguments.items() if option in command.split()]
+    return f"the same call and {', '.join(given)}"
