@@ -24,6 +24,8 @@ import seedbed
 
 TOLERANCE = 1e-6
 
+SOFT = "algorithm=SeedSac(observations: Running, hidden: [8, 8], minibatch: 8, random_steps: 40)"
+
 CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "policy gradients": ("cartpole", ("algorithm.observations=Range",)),
     "running scaling": ("cartpole", ("algorithm.observations=Running",)),
@@ -35,6 +37,8 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "ensemble with priors": ("deep_sea_bootstrapped_dqn", ("algorithm.prior_scale=3.0",)),
     "index of each agent": ("deep_sea_hyperagent", ()),
     "leader and followers": ("cartpole_leader", ()),
+    "soft actor-critic": ("pendulum", (SOFT,)),
+    "soft actor-critic, one learner": ("pendulum", (SOFT.replace("hidden", "learners: Shared, activation: Tanh, hidden"),)),
     "cross-entropy": ("cartpole", ("algorithm=CrossEntropy()",)),
     "discrete and continuous components": ("cartpole", ('environment="{mixed}"',)),
     "two discrete components": ("cartpole", ('environment="{switches}"',)),
@@ -130,6 +134,10 @@ def test_probabilities_are_those_of_the_reference(run: seedbed.Run, replays: dic
                 computed += np.log(table[np.arange(len(index)), index])
             else:
                 mean, deviation = (part[:, continuous.index(head)] for part in policy.normal(observations))
+                if head.is_squashed:
+                    relative = np.clip((actions[:, column] - head.center) / head.half_range, -0.999999, 0.999999)
+                    actions[:, column] = np.arctanh(relative)
+                    computed -= np.log(head.half_range * (1 - relative**2))
                 computed += -0.5 * ((actions[:, column] - mean) / deviation) ** 2 - np.log(
                     deviation * np.sqrt(2 * np.pi)
                 )
@@ -139,8 +147,8 @@ def test_probabilities_are_those_of_the_reference(run: seedbed.Run, replays: dic
 def test_values_are_those_of_the_reference(run: seedbed.Run, replays: dict[str, Any]):
     policy = run.policy(1)
     observations = replays["greedy"][policy.observations].to_numpy()
-    if policy.algorithm == "CrossEntropy":
-        with pytest.raises(ValueError, match="the algorithm CrossEntropy has no value function"):
+    if policy.algorithm in ("CrossEntropy", "SeedSac"):
+        with pytest.raises(ValueError, match=f"the algorithm {policy.algorithm} has no value function"):
             policy.value(observations)
         return
     reference = load_reader()(str(run.path / "policies.safetensors"), 1)

@@ -10,6 +10,7 @@ pub mod leader_followers;
 pub mod random;
 pub mod seed_pg;
 pub mod seed_psrl;
+pub mod seed_sac;
 pub mod value_based;
 
 use serde::{Deserialize, Serialize};
@@ -198,6 +199,7 @@ algorithms! {
         SeedTd(value_based::config::SeedTd),
         BootstrappedDqn(value_based::config::BootstrappedDqn),
         HyperAgent(value_based::hyper_agent::HyperAgent),
+        SeedSac(seed_sac::config::SeedSac),
         SeedPsrl(seed_psrl::SeedPsrl),
         CrossEntropy(cross_entropy::CrossEntropy),
     }
