@@ -21,7 +21,8 @@ use crate::agent::network_info::{NetworkInfo, PlannerInfo};
 use crate::agent::policy::ActionSelection;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
-use seedbed_input::ValidationError;
+use seedbed_input::numbers::Count;
+use seedbed_input::{Located, ValidationError};
 
 /// What the configuration of an algorithm provides. Its parameters are documented by the doc
 /// comments of its fields.
@@ -79,6 +80,11 @@ pub trait AlgorithmConfig {
 
     /// The exploration bonus; none if the algorithm has no such parameter.
     fn bonus(&self) -> Option<&Bonus> {
+        None
+    }
+
+    /// Maximal number of transitions in the replay buffer; none if the algorithm has no such parameter.
+    fn replay(&self) -> Option<&Located<Count<100_000_000>>> {
         None
     }
 

@@ -362,7 +362,8 @@ impl Replay {
 
 impl RowWidths {
     /// Number of bytes of a transition: observations before and after, action, reward, status, origin.
-    fn bytes(self) -> usize {
+    #[must_use]
+    pub fn bytes(self) -> usize {
         4 * (2 * self.observation + self.action) + 4 + 1 + 3 * 4
     }
 }

@@ -190,6 +190,10 @@ impl AlgorithmConfig for SeedSac {
         Some(&self.bonus)
     }
 
+    fn replay(&self) -> Option<&Located<Count<100_000_000>>> {
+        Some(&self.replay)
+    }
+
     fn network_info(&self, task: &TaskSpec, agents: usize) -> Option<NetworkInfo> {
         Some(NetworkInfo {
             models: Some(ModelInfo {

@@ -326,6 +326,10 @@ impl<T: ValueBased> AlgorithmConfig for T {
         Some(self.located_bonus())
     }
 
+    fn replay(&self) -> Option<&Located<Count<100_000_000>>> {
+        Some(&self.learning().replay)
+    }
+
     fn network_info(&self, task: &TaskSpec, agents: usize) -> Option<NetworkInfo> {
         let composition = self.compose(agents);
         let term = |network, factor| OutputTerm {
