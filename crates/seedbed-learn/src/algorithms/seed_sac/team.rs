@@ -107,6 +107,19 @@ impl SoftTeam {
         }
     }
 
+    /// The agents of a group that play choose actions uniformly from their ranges.
+    fn act_randomly(&self, request: &mut ActionRequest<'_>) {
+        let width = request.actions.len() / request.playing.len();
+        for (row, random) in request.random.iter_mut().enumerate() {
+            if request.playing[row] {
+                let action = row * width..(row + 1) * width;
+                let log_prob = &mut request.log_probs[action.clone()];
+                let action = &mut request.actions[action];
+                self.ranges.choose_uniformly(random, action, log_prob);
+            }
+        }
+    }
+
     /// Every learner takes gradient steps, `times` the number that the configuration says.
     fn learn_from_replay(&mut self, times: u32, workers: Workers<'_>) {
         let minibatch = self.config.minibatch.get() as usize;
@@ -118,7 +131,8 @@ impl SoftTeam {
             replay: &self.replay,
             scaling: &self.scaling,
         };
-        let (local, updates) = (&self.local, times * self.config.updates.get());
+        let updates = times.saturating_mul(self.config.updates.get());
+        let local = &self.local;
         workers.for_each(&mut self.learners, |learner| {
             if local.learns(learner.number as usize) {
                 (0..updates).for_each(|_| learner.update(&context));
@@ -177,18 +191,12 @@ impl Team for SoftTeam {
     }
 
     fn act(&self, request: &mut ActionRequest<'_>, scratch: &mut ActScratch) {
-        let count = request.playing.len();
-        if self.config.actions != ActionSelection::Greedy
-            && !self.has_made_random_steps(request.unreported_steps)
-        {
-            let width = request.actions.len() / count;
-            let actions = request.actions.chunks_exact_mut(width);
-            let rows = actions.zip(request.log_probs.chunks_exact_mut(width));
-            for ((action, log_prob), random) in rows.zip(&mut *request.random) {
-                self.ranges.choose_uniformly(random, action, log_prob);
-            }
+        let is_greedy = self.config.actions == ActionSelection::Greedy;
+        if !is_greedy && !self.has_made_random_steps(request.unreported_steps) {
+            self.act_randomly(request);
             return;
         }
+        let count = request.playing.len();
         let batch = if self.learners.len() == 1 { count } else { 1 };
         for row in (0..count).step_by(batch) {
             if batch > 1 || request.playing[row] {
