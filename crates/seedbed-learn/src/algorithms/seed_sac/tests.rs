@@ -405,10 +405,20 @@ fn initial_networks_are_part_of_the_agent_seed() {
 
 /// A team with the transitions of `episodes`.
 fn team(config: &SeedSac, team: &TeamConfig, episodes: &[Episode]) -> Box<dyn Team> {
+    team_of_process(config, team, None, episodes)
+}
+
+/// The part of a team that belongs to one process.
+fn team_of_process(
+    config: &SeedSac,
+    team: &TeamConfig,
+    local_agents: Option<(u32, u32)>,
+    episodes: &[Episode],
+) -> Box<dyn Team> {
     let mut team = config.build(&TeamContext {
         run_seed: 3,
         config: team,
-        local_agents: None,
+        local_agents,
         spec: &spec(),
         timing: LearningTiming::EverySteps(1),
         record_advantages: false,
@@ -468,6 +478,36 @@ fn a_restored_team_continues_with_the_same_bits() {
             .restore(&original.save())
             .is_err()
     );
+}
+
+/// Two processes, one with agent 0 and one with agents 1 and 2, learn together what one process learns,
+/// to the bit: from their copies of the replay buffer, each for the learners of its agents.
+#[test]
+fn a_team_over_two_processes_learns_the_same() {
+    let episodes = [0, 1, 2].map(|agent| episode(agent, 9, Status::Truncated));
+    for learners in [Learners::Own, Learners::Shared] {
+        let config = SeedSac {
+            learners,
+            ..config()
+        };
+        let learned = |local_agents| {
+            let team_config = team_config(3, 0.1);
+            let mut team = team_of_process(&config, &team_config, local_agents, &episodes);
+            team.begin_round(1);
+            (0..3).for_each(|_| team.end_step(Workers::CURRENT_THREAD));
+            let names = team.tensors().into_iter().map(|tensor| tensor.name);
+            (team.save().parts, names.collect::<Vec<_>>())
+        };
+        let (parts, names) = learned(None);
+        let (first_parts, first_names) = learned(Some((0, 1)));
+        let (second_parts, second_names) = learned(Some((1, 3)));
+        assert!(parts == [first_parts, second_parts].concat());
+        let mut names_of_both = [first_names, second_names].concat();
+        names_of_both.sort();
+        let mut names = names;
+        names.sort();
+        assert_eq!(names, names_of_both);
+    }
 }
 
 /// Episodes of one step with reward −(u − ½)² − (v + ¼)²: the best action is (½, −¼). Actions are
