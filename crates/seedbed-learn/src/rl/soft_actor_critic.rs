@@ -1,5 +1,6 @@
 //! Soft actor-critic (Haarnoja et al. 2018): targets and losses of critics Q(s, a), the value that the
-//! policy ascends, and the temperature α.
+//! policy ascends, and the temperature α. Numbers of equations are those of Haarnoja et al. 2018b,
+//! "Soft actor-critic algorithms and applications".
 //!
 //! Values of several critics are rows `[critics × B]`.
 
@@ -16,7 +17,7 @@ pub enum Combination {
 }
 
 /// Targets yᵢ = rᵢ + γᵢ (min Q′(s′ᵢ, a′ᵢ) − α log π(a′ᵢ|s′ᵢ)), the minimum being over critics, where γᵢ
-/// is 0 after the end of an episode (Eq. 3 and 8, with clipped double Q-learning).
+/// is 0 after the end of an episode (Eq. 2 and 3, with clipped double Q-learning).
 ///
 /// `rewards`, `discounts`, `next_log_probs: [B]`, `next_values: [critics × B]` → `targets: [B]`,
 /// overwritten
@@ -95,8 +96,8 @@ pub fn combine(
 }
 
 /// The derivative of the temperature's loss −log α (mean log π + H̄) with respect to log α, where H̄ is
-/// the target of the entropy: the entropy's excess. It has the sign of the derivative of Eq. 18 of
-/// Haarnoja et al. 2018b, which is α times as large.   `log_probs: [B]`
+/// the target of the entropy: the entropy's excess. It has the sign of the derivative of Eq. 18,
+/// which is α times as large.   `log_probs: [B]`
 #[must_use]
 pub fn log_temperature_slope(log_probs: &[f32], target_entropy: f32) -> f32 {
     let mean = log_probs.iter().sum::<f32>() / log_probs.len() as f32;

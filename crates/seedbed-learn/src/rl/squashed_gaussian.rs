@@ -68,7 +68,7 @@ pub fn sample(
 }
 
 /// The gradient of L = mean(α log π(a|s) − Q(s, a)) for a = tanh(μ + σ ε) with constant ε: the loss of
-/// the policy (Haarnoja et al. 2018, Eq. 7), reparameterized. By the chain rule through u,
+/// the policy, reparameterized (Haarnoja et al. 2018b, Eq. 9). By the chain rule through u,
 /// ∂L/∂μ = α 2a − (1 − a²) ∂Q/∂a and ∂L/∂log σ = σ ε ∂L/∂μ − α, each divided by B.
 ///
 /// `outputs: [B × 2d]`, `noise`, `actions`, `value_slopes` (∂Q/∂a): `[B × d]` → `gradient: [B × 2d]`,

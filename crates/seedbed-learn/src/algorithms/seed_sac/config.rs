@@ -229,7 +229,7 @@ impl AlgorithmConfig for SeedSac {
     }
 
     fn cost_per_step(&self, _: u32) -> f64 {
-        1000.0
+        300.0
     }
 }
 
