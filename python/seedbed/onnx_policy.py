@@ -75,7 +75,7 @@ class _Graph:
         x = inputs
         for number, (weight, bias) in enumerate(term.layers):
             if number > 0:
-                x = self.node("Tanh", [x])
+                x = self.node("Tanh" if term.activation == "tanh" else "Relu", [x])
             if term.skip_connection and number + 1 == len(term.layers):
                 x = self.node("Concat", [x, inputs], axis=1)
             x = self.node("Gemm", [x, self.constant(weight), self.constant(bias)])
@@ -104,6 +104,8 @@ class _Graph:
         if head.is_discrete:
             return self.node("ArgMax", [part], axis=1, keepdims=0)
         mean = self.node("Gather", [part, self.constant(0, np.int64)], axis=1)
+        if head.is_squashed:
+            mean = self.node("Tanh", [mean])
         mean = self.node("Mul", [mean, self.constant(head.half_range)])
         mean = self.node("Add", [mean, self.constant(head.center)])
         low, high = head.center - head.half_range, head.center + head.half_range

@@ -22,7 +22,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 FORMAT_VERSION = "1"
 DISCRETE_KINDS = ("categorical", "action_values")
-KINDS = (*DISCRETE_KINDS, "gaussian")
+KINDS = (*DISCRETE_KINDS, "gaussian", "squashed_gaussian")
+ACTIVATIONS = ("tanh", "relu")
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,9 @@ class Head:
         unit: Its unit.
         first_output: Index of its first output.
         outputs: Number of its outputs.
-        kind: "categorical" (outputs are logits), "action_values" (outputs are Q values) or "gaussian" (outputs are the
-            mean and the logarithm of the deviation, relative to half the range).
+        kind: "categorical" (outputs are logits), "action_values" (outputs are Q values), "gaussian" (outputs are the
+            mean and the logarithm of the deviation, relative to half the range) or "squashed_gaussian" (the same of a
+            number u; the action is the center plus half the range times tanh u).
         values: Values of a discrete component.
         center: Middle of the range of a continuous component.
         half_range: Half of that range.
@@ -59,6 +61,11 @@ class Head:
         """Whether the component has finitely many values."""
         return self.kind in DISCRETE_KINDS
 
+    @property
+    def is_squashed(self) -> bool:
+        """Whether tanh squashes samples of a Gaussian into the range."""
+        return self.kind == "squashed_gaussian"
+
 
 @dataclass(frozen=True)
 class Term:
@@ -67,19 +74,21 @@ class Term:
     Attributes:
         factor: The factor.
         skip_connection: Whether the scaled observations are appended to the inputs of the last layer.
-        layers: Weights `[inputs, outputs]` and biases `[outputs]`; tanh is after all layers but the last.
+        layers: Weights `[inputs, outputs]` and biases `[outputs]`.
+        activation: Function after all layers but the last: "tanh" or "relu".
     """
 
     factor: float
     skip_connection: bool
     layers: tuple[tuple[Array, Array], ...]
+    activation: str = "tanh"
 
     def __call__(self, inputs: Array) -> Array:
         """The network's outputs times the factor: `[..., inputs]` to `[..., outputs]`."""
         x = inputs
         for number, (weight, bias) in enumerate(self.layers):
             if number > 0:
-                x = np.tanh(x)
+                x = np.tanh(x) if self.activation == "tanh" else np.maximum(x, 0.0)
             if self.skip_connection and number + 1 == len(self.layers):
                 x = np.concatenate([x, inputs], axis=-1)
             x = x @ weight + bias
@@ -148,7 +157,7 @@ class Policy:
         Args:
             observations: One observation `[width]`, or a batch `[N, width]`, in units of the task (not scaled).
             greedy: Whether to take the most likely action, that with the largest action value, or the mean of a
-                Gaussian. Otherwise actions are sampled.
+                Gaussian, squashed or not. Otherwise actions are sampled.
             rng: Generator for sampling; required then.
             temperature: Sample from π^(1/τ) with this temperature τ; by default 1. Action values Q are no
                 probabilities: with a temperature, they are sampled from softmax(Q / τ), as in Gibbs exploration.
@@ -195,6 +204,8 @@ class Policy:
 
     def normal(self, observations: ArrayLike) -> tuple[Array, Array]:
         """Means and standard deviations of continuous actions, in their units, before they are limited to their ranges.
+
+        For a squashed Gaussian they are those of the number u, without unit, that tanh squashes.
 
         Args:
             observations: `[width]` or `[N, width]`.
@@ -321,7 +332,7 @@ class Policy:
             return np.asarray((drawn >= cumulative[..., :-1]).sum(axis=-1))
         mean, deviation = _normal(head, _of(head, outputs))
         spread = np.sqrt(_checked_temperature(temperature, 1.0))
-        return _limited(head, mean + spread * deviation * rng.standard_normal(mean.shape))
+        return _within_range(head, mean + spread * deviation * rng.standard_normal(mean.shape))
 
     def _softmax(self, head: Head, outputs: Array, temperature: float | None) -> Array:
         if head.kind == "action_values" and temperature is None:
@@ -403,7 +414,10 @@ def _head(fields: dict[str, Any], path: Path) -> Head:
 
 
 def _term(file: _File, output: dict[str, Any]) -> Term:
-    return Term(output["factor"], output["skip_connection"], file.layers(output["network"]))
+    activation = file.metadata.get("activation", "tanh")
+    if activation not in ACTIVATIONS:
+        raise RunError(file.path, f"its networks have the unknown activation {activation}: update the package seedbed")
+    return Term(output["factor"], output["skip_connection"], file.layers(output["network"]), activation)
 
 
 def _value(file: _File, algorithm: str) -> tuple[Term, float, float]:
@@ -442,20 +456,25 @@ def _of(head: Head, outputs: Array) -> Array:
 
 
 def _normal(head: Head, outputs: Array) -> tuple[Array, Array]:
-    """Mean and standard deviation of a Gaussian: `[..., 2]` to `[...]` each."""
-    mean = head.center + head.half_range * outputs[..., 0]
+    """Mean and standard deviation of a Gaussian, before it is squashed: `[..., 2]` to `[...]` each."""
     low, high = head.log_deviation_clamp
-    log_deviation = np.clip(outputs[..., 1] + head.log_deviation_offset, low, high)
-    return np.asarray(mean), np.asarray(head.half_range * np.exp(log_deviation))
+    deviation = np.exp(np.clip(outputs[..., 1] + head.log_deviation_offset, low, high))
+    if head.is_squashed:
+        return outputs[..., 0], np.asarray(deviation)
+    mean = head.center + head.half_range * outputs[..., 0]
+    return np.asarray(mean), np.asarray(head.half_range * deviation)
 
 
 def _greedy(head: Head, outputs: Array) -> NDArray[Any]:
     if head.is_discrete:
         return np.asarray(np.argmax(outputs, axis=-1))
-    return _limited(head, _normal(head, outputs)[0])
+    return _within_range(head, _normal(head, outputs)[0])
 
 
-def _limited(head: Head, values: Array) -> Array:
+def _within_range(head: Head, values: Array) -> Array:
+    """Squashed values, or limited ones."""
+    if head.is_squashed:
+        return np.asarray(head.center + head.half_range * np.tanh(values))
     return np.clip(values, head.center - head.half_range, head.center + head.half_range)
 
 

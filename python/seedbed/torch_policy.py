@@ -53,13 +53,14 @@ class _Network(nn.Module):  # type: ignore[misc, unused-ignore]
         super().__init__()
         self.factor = term.factor
         self.skip_connection = term.skip_connection
+        self.activation = torch.tanh if term.activation == "tanh" else torch.relu
         self.layers = nn.ModuleList([_linear(weight, bias) for weight, bias in term.layers])
 
     def forward(self, inputs: Any) -> Any:
         x = inputs
         for number, layer in enumerate(self.layers):
             if number > 0:
-                x = torch.tanh(x)
+                x = self.activation(x)
             if self.skip_connection and number + 1 == len(self.layers):
                 x = torch.cat([x, inputs], dim=-1)
             x = layer(x)
@@ -84,5 +85,7 @@ def _greedy(head: Head, outputs: Any) -> Any:
     part = outputs[..., head.first_output : head.first_output + head.outputs]
     if head.is_discrete:
         return part.argmax(dim=-1)
+    if head.is_squashed:
+        return head.center + head.half_range * part[..., 0].tanh()
     mean = head.center + head.half_range * part[..., 0]
     return mean.clamp(head.center - head.half_range, head.center + head.half_range)

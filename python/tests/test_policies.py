@@ -24,6 +24,8 @@ import seedbed
 
 TOLERANCE = 1e-6
 
+SOFT = "algorithm=SeedSac(observations: Running, hidden: [8, 8], minibatch: 8, random_steps: 40)"
+
 CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "policy gradients": ("cartpole", ("algorithm.observations=Range",)),
     "running scaling": ("cartpole", ("algorithm.observations=Running",)),
@@ -35,6 +37,8 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "ensemble with priors": ("deep_sea_bootstrapped_dqn", ("algorithm.prior_scale=3.0",)),
     "index of each agent": ("deep_sea_hyperagent", ()),
     "leader and followers": ("cartpole_leader", ()),
+    "soft actor-critic": ("pendulum", (SOFT,)),
+    "soft actor-critic, one learner": ("pendulum", (SOFT.replace("hidden", "learners: Shared, activation: Tanh, hidden"),)),
     "cross-entropy": ("cartpole", ("algorithm=CrossEntropy()",)),
     "discrete and continuous components": ("cartpole", ('environment="{mixed}"',)),
     "two discrete components": ("cartpole", ('environment="{switches}"',)),
@@ -130,17 +134,20 @@ def test_probabilities_are_those_of_the_reference(run: seedbed.Run, replays: dic
                 computed += np.log(table[np.arange(len(index)), index])
             else:
                 mean, deviation = (part[:, continuous.index(head)] for part in policy.normal(observations))
-                computed += -0.5 * ((actions[:, column] - mean) / deviation) ** 2 - np.log(
-                    deviation * np.sqrt(2 * np.pi)
-                )
+                values = actions[:, column]
+                if head.is_squashed:
+                    relative = np.clip((values - head.center) / head.half_range, -0.999999, 0.999999)
+                    values = np.arctanh(relative)
+                    computed -= np.log(head.half_range * (1 - relative**2))
+                computed += -0.5 * ((values - mean) / deviation) ** 2 - np.log(deviation * np.sqrt(2 * np.pi))
         np.testing.assert_allclose(computed, expected, rtol=1e-9, atol=1e-9)
 
 
 def test_values_are_those_of_the_reference(run: seedbed.Run, replays: dict[str, Any]):
     policy = run.policy(1)
     observations = replays["greedy"][policy.observations].to_numpy()
-    if policy.algorithm == "CrossEntropy":
-        with pytest.raises(ValueError, match="the algorithm CrossEntropy has no value function"):
+    if policy.algorithm in ("CrossEntropy", "SeedSac"):
+        with pytest.raises(ValueError, match=f"the algorithm {policy.algorithm} has no value function"):
             policy.value(observations)
         return
     reference = load_reader()(str(run.path / "policies.safetensors"), 1)
@@ -172,10 +179,12 @@ def test_samples_have_the_probabilities(run: seedbed.Run, replays: dict[str, Any
             mean, deviation = (part[continuous.index(head)] for part in policy.normal(observation))
             low, high = head.center - head.half_range, head.center + head.half_range
             assert low <= sample.min() < sample.max() <= high
+            inside = mean + 0.5 * np.sqrt(2.0) * deviation
+            if head.is_squashed:
+                mean, inside = (head.center + head.half_range * np.tanh(u) for u in (mean, inside))
+            assert inside < high
             # The median is not moved by the limits; the temperature is a factor of the variance.
             assert abs((sample < mean).mean() - 0.5) < 0.02
-            inside = mean + 0.5 * np.sqrt(2.0) * deviation
-            assert inside < high
             assert abs((sample < inside).mean() - 0.6915) < 0.02
 
 

@@ -68,9 +68,18 @@ fn load(args: &RunArgs, ranks: Ranks) -> Result<(Arc<dyn Experiment>, RunFolder)
     let folder = RunFolder::new(folder.unwrap_or_else(|| experiment.default_folder()));
     check_save_initial(args, &*experiment)?;
     if !args.ignore_memory {
-        memory::check("this run", experiment.memory() / u64::from(ranks.count()))?;
+        let needed = experiment.memory() / u64::from(ranks.count());
+        let checked = memory::check("this run", needed);
+        checked.map_err(|error| at_replay(error, needed, &path, &overrides))?;
     }
     Ok((experiment, folder))
+}
+
+/// An error about memory, at the size of the replay buffer if the file says it and most is needed for it.
+fn at_replay(error: CliError, needed: u64, path: &Path, overrides: &[String]) -> CliError {
+    let message = error.to_string();
+    let located = experiment::error_at_replay(path, overrides, needed / 2, &message);
+    located.map_or(error, CliError::from)
 }
 
 /// An error if the run cannot be divided over the ranks. `experiment`: `None` before it is read

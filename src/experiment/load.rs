@@ -11,6 +11,7 @@ use crate::scenario::overrides;
 use crate::scenario::resolve::Resolve;
 use crate::tabular::{TabularPlan, TabularScenario};
 use seedbed_input::{Document, FileKind, FormerName, InputError};
+use seedbed_learn::experience::replay::RowWidths;
 
 /// An input error, and the step of loading in which it was found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -47,6 +48,23 @@ pub struct Loaded {
     pub experiment: Arc<dyn Experiment>,
     /// Fields that have their former names in the scenario file.
     pub former_names: Vec<FormerName>,
+}
+
+/// An error at the field of a scenario file that says how many transitions its replay buffer has. `None` if
+/// the file does not say it, or if the buffer needs at most `bytes`.
+#[must_use]
+pub fn error_at_replay(
+    path: &Path,
+    overrides: &[String],
+    bytes: u64,
+    message: &str,
+) -> Option<InputError> {
+    let document = overrides::apply_all(folder::read_scenario(path).ok()?, overrides).ok()?;
+    let (description, _) = scenario::read_task(&document, path).ok()?;
+    let replay = document.value.algorithm.config().replay()?;
+    let transition = RowWidths::from(description.spec()).bytes() as u64;
+    let is_to_blame = replay.has_place() && u64::from(replay.get()) * transition > bytes;
+    is_to_blame.then(|| document.locate(replay.error(message)))
 }
 
 /// Reads the scenario at `path`, applies `overrides`, each of which has the form

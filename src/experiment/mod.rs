@@ -12,7 +12,7 @@ use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-pub use self::load::{LoadError, LoadStep, Loaded, files_read, load};
+pub use self::load::{LoadError, LoadStep, Loaded, error_at_replay, files_read, load};
 pub use self::training::NO_THRESHOLD;
 use crate::experiment::checkpoint::RunCheckpoints;
 use crate::experiment::measure::Measure;

@@ -115,7 +115,7 @@ fn network_texts(info: &NetworkInfo) -> impl Iterator<Item = (&'static str, Stri
         .into_iter()
         .filter_map(|(key, text)| Some((key, text?)));
     [
-        ("activation", "tanh".to_owned()),
+        ("activation", info.activation.name().to_owned()),
         ("output_activation", "none".to_owned()),
         ("weight_layout", "[inputs, outputs], y = x W + b".to_owned()),
         ("outputs", json(&info.outputs)),

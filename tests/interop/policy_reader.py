@@ -44,7 +44,8 @@ class Policy:
         assert layers > 0, f"no tensors of {name}"
         x = inputs
         for layer in range(layers):
-            x = np.tanh(x) if layer > 0 else x
+            if layer > 0:
+                x = np.tanh(x) if self.metadata["activation"] == "tanh" else np.maximum(x, 0)
             if skip_connection and layer + 1 == layers:
                 x = np.concatenate([x, inputs], axis=-1)
             x = x @ self.tensors[f"{name}.layer_{layer}.weight"] + self.tensors[f"{name}.layer_{layer}.bias"]
@@ -71,6 +72,8 @@ class Policy:
         for head, o in self.head_outputs(observations):
             if head["kind"] == "gaussian":
                 actions.append(head["center"] + head["half_range"] * o[..., 0])
+            elif head["kind"] == "squashed_gaussian":
+                actions.append(head["center"] + head["half_range"] * np.tanh(o[..., 0]))
             else:
                 actions.append(np.asarray(head["values"])[np.argmax(o, axis=-1)])
         return np.stack(actions, axis=-1)
@@ -83,6 +86,8 @@ class Policy:
             action = np.asarray(actions)[:, column]
             if head["kind"] == "gaussian":
                 total = total + gaussian_log_prob(head, o, action)
+            elif head["kind"] == "squashed_gaussian":
+                total = total + squashed_gaussian_log_prob(head, o, action)
             else:
                 index = np.argmin(np.abs(np.asarray(head["values"])[None, :] - action[:, None]), axis=1)
                 logits = o / temperature if head["kind"] == "action_values" else o
@@ -94,6 +99,15 @@ def gaussian_log_prob(head: dict, o: np.ndarray, action: np.ndarray) -> np.ndarr
     mean = head["center"] + head["half_range"] * o[:, 0]
     log_deviation = np.clip(o[:, 1] + head["log_deviation_offset"], *head["log_deviation_clamp"]) + np.log(head["half_range"])
     return -0.5 * ((action - mean) / np.exp(log_deviation)) ** 2 - log_deviation - 0.5 * np.log(2 * np.pi)
+
+
+def squashed_gaussian_log_prob(head: dict, o: np.ndarray, action: np.ndarray) -> np.ndarray:
+    """Actions at an end of the range, where u is infinite, count as actions within it."""
+    relative = np.clip((action - head["center"]) / head["half_range"], -0.999999, 0.999999)
+    log_deviation = np.clip(o[:, 1], *head["log_deviation_clamp"])
+    standardized = (np.arctanh(relative) - o[:, 0]) / np.exp(log_deviation)
+    log_density = -0.5 * standardized**2 - log_deviation - 0.5 * np.log(2 * np.pi)
+    return log_density - np.log(head["half_range"] * (1 - relative**2))
 
 
 def log_softmax(logits: np.ndarray) -> np.ndarray:

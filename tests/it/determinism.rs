@@ -185,6 +185,29 @@ fn planners_give_the_same_bits_on_any_number_of_threads() {
     assert_same_results(&one, &three);
 }
 
+/// Three learners whose draws depend on rounds, on their own steps and on the transitions of all agents.
+#[test]
+fn soft_actor_critics_depend_neither_on_threads_nor_on_a_crash() {
+    let (_temporary, one, three) = two_run_folders();
+    let short = ["--set", "stop=Episodes(8)", "--set", "agents.count=3"];
+    for (out, threads) in [(&one, "1"), (&three, "3")] {
+        let arguments = ["--threads", threads, "--no-recording"];
+        run_to_end(out, &[&short[..], &SOFT_OVERRIDES, &arguments].concat());
+    }
+    assert_same_results(&one, &three);
+    assert_resumed_run_gives_the_same_bits(&SOFT_OVERRIDES);
+}
+
+const SOFT_OVERRIDES: [&str; 6] = [
+    "--set",
+    "environment=\"pendulum\"",
+    "--set",
+    "algorithm=SeedSac(hidden: [8], minibatch: 8, critics: 3, n_step: 2, policy_every: 2, own_share: 0.5, prior_scale: 1, \
+     layer_normalization: true, observations: Running, random_steps: 100, replay: 5000, bonus: Rnd(minibatches: 5))",
+    "--set",
+    "schedule=Lockstep(learn_every: 3)",
+];
+
 const PLANNERS: &str =
     "algorithm=SeedPsrl(draw: Fresh, horizon: 4, candidates: 16, elites: 4, minibatches: 20)";
 

@@ -189,6 +189,18 @@ fn agents_with_indices_solve_deep_sea_and_epsilon_greedy_does_not() {
     assert!(!is_solved_in(1, scenario, &[alone, epsilon_greedy], 300));
 }
 
+/// Soft actor-critic, from the transitions of four agents.
+#[test]
+fn soft_actor_critics_swing_up_the_pendulum_in_few_episodes() {
+    assert!(is_solved_in(2, "pendulum_sac.ron", &[], 40));
+    assert!(!is_solved_in(
+        1,
+        "pendulum_sac.ron",
+        &["algorithm=Random"],
+        60
+    ));
+}
+
 /// The numbers of episodes are at least those of the tests above.
 #[test]
 fn random_teams_solve_no_task() {

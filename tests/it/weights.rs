@@ -290,6 +290,41 @@ fn tensors_of_value_based_learners() {
     assert!(!file.shapes.contains_key("model_0.bonus.inputs.mean"));
 }
 
+/// Learners of soft actor-critic: policy, critics with targets and priors, and the temperature.
+#[test]
+fn tensors_of_soft_actor_critic() {
+    let setting =
+        "algorithm=SeedSac(hidden: [5], minibatch: 4, prior_scale: 1, layer_normalization: true)";
+    let file = policies_of("pendulum", &[setting], false);
+    let range = [
+        list("observations.center", 3),
+        list("observations.half_range", 3),
+    ]
+    .concat();
+    let learners = (0..2).flat_map(|learner| {
+        let name = |role: &str| format!("model_{learner}.{role}");
+        let mut tensors = network(&name("policy"), &[3, 5, 2]);
+        for role in ["critic", "target", "prior"] {
+            for number in 0..2 {
+                let role = name(&format!("{role}_{number}"));
+                tensors.extend(network(&role, &[4, 5, 1]));
+                for part in ["gain", "shift"] {
+                    tensors.extend(list(&format!("{role}.layer_0.{part}"), 5));
+                }
+            }
+        }
+        tensors.extend(list(&name("temperature"), 1));
+        tensors
+    });
+    file.assert_tensors(learners.chain(range));
+    assert_eq!(file.metadata["activation"], "relu");
+    assert_eq!(
+        (&*file.metadata["models"], &*file.metadata["model_of_agent"]),
+        ("2", "agent % models")
+    );
+    assert_eq!(file.json("heads")[0]["kind"], "squashed_gaussian");
+}
+
 #[test]
 fn tensors_of_cross_entropy_and_random() {
     let file = policies_of("cartpole", &["algorithm=CrossEntropy(hidden: [5])"], false);
@@ -350,10 +385,13 @@ fn documented_name(name: &str) -> String {
         Some(("agent", _)) => "agent_K",
         Some(("model", _)) => "model_M",
         Some(("layer", _)) => "layer_i",
+        Some(("critic", _)) => "critic_N",
+        Some(("target", _)) => "target_N",
+        Some(("prior", _)) => "prior_N",
         _ => part,
     });
     let mut parts: Vec<&str> = parts.collect();
-    if matches!(parts.last(), Some(&("weight" | "bias"))) {
+    if matches!(parts.last(), Some(&("weight" | "bias" | "gain" | "shift"))) {
         parts.pop();
         parts.push("…");
     }
@@ -366,18 +404,28 @@ fn documented_name(name: &str) -> String {
 #[test]
 fn all_tensors_and_keys_are_documented() {
     let documentation = std::fs::read_to_string("docs/recording.md").unwrap();
-    for algorithm in [
-        "SeedPg(observations: Running, bonus: Vime(seeds: Scale))",
-        "SeedPg(observations: Range, bonus: Rnd())",
-        "SeedPg(bonus: TeamEntropy())",
-        "SeedTd(learning: (observations: Running), bonus: Vime(seeds: Scale))",
-        "QLearning()",
-        "HyperAgent()",
-        "SeedPsrl(hidden: [3], horizon: 3)",
-        "CrossEntropy(hidden: [3])",
+    for (scenario, algorithm) in [
+        (
+            "pendulum",
+            "SeedSac(hidden: [3], minibatch: 4, prior_scale: 1, layer_normalization: true)",
+        ),
+        (
+            "cartpole",
+            "SeedPg(observations: Running, bonus: Vime(seeds: Scale))",
+        ),
+        ("cartpole", "SeedPg(observations: Range, bonus: Rnd())"),
+        ("cartpole", "SeedPg(bonus: TeamEntropy())"),
+        (
+            "cartpole",
+            "SeedTd(learning: (observations: Running), bonus: Vime(seeds: Scale))",
+        ),
+        ("cartpole", "QLearning()"),
+        ("cartpole", "HyperAgent()"),
+        ("cartpole", "SeedPsrl(hidden: [3], horizon: 3)"),
+        ("cartpole", "CrossEntropy(hidden: [3])"),
     ] {
         let setting = format!("algorithm={algorithm}");
-        let file = policies_of("cartpole", &[&setting], true);
+        let file = policies_of(scenario, &[&setting], true);
         for name in file.shapes.keys() {
             let name = documented_name(name);
             let is_documented = |name: &str| documentation.contains(&format!("`{name}`"));

@@ -76,6 +76,9 @@ pub enum Purpose {
     /// The draws of the models that an agent plans in, one per episode of a round, if they are not
     /// those of its agent seed.
     FreshModelSeeds = 28,
+    /// The actions that a policy samples in the gradient steps of one round, and the critics that are drawn
+    /// for them.
+    UpdateNoise = 29,
     /// The part of an agent seed for the rewards of a tabular task, drawn once.
     TabularSeeds = 41,
     /// The noise that an agent seed adds to the observations of one parameter. The index of the

@@ -51,6 +51,10 @@ pub(super) const FIELDS: &[Synonym] = &[
                 "algorithm.policy_optimizer.step_size={}",
                 "algorithm.value_optimizer.step_size={}",
             ],
+            &[
+                "algorithm.policy_optimizer.step_size={}",
+                "algorithm.critic_optimizer.step_size={}",
+            ],
             &["algorithm.learning.optimizer.step_size={}"],
             &["algorithm.network.optimizer.step_size={}"],
         ],
@@ -70,6 +74,7 @@ pub(super) const FIELDS: &[Synonym] = &[
         "the value function has an optimizer of its own",
         &[
             &["algorithm.value_optimizer.step_size={}"],
+            &["algorithm.critic_optimizer.step_size={}"],
             &["algorithm.learning.optimizer.step_size={}"],
         ],
         "0.001",
@@ -177,6 +182,7 @@ pub(super) const FIELDS: &[Synonym] = &[
         "number of transitions that are kept; algorithms without a replay buffer learn from the newest round",
         &[
             &["algorithm.learning.replay={}"],
+            &["algorithm.replay={}"],
             &["algorithm.transitions={}"],
         ],
         "100000",
@@ -211,7 +217,10 @@ pub(super) const FIELDS: &[Synonym] = &[
             "entropybeta",
         ],
         "weight of the policy's entropy; algorithms without it explore in other ways: `seedbed list algorithms`",
-        &[&["algorithm.entropy_bonus={}"]],
+        &[
+            &["algorithm.entropy_bonus={}"],
+            &["algorithm.temperature=Fixed(alpha: {})"],
+        ],
         "0.01",
     ),
     field(
@@ -278,6 +287,7 @@ pub(super) const FIELDS: &[Synonym] = &[
         "number of passes over the episodes of a round, or of gradient steps",
         &[
             &["algorithm.epochs={}"],
+            &["algorithm.updates={}"],
             &["algorithm.learning.minibatches={}"],
             &["algorithm.minibatches={}"],
         ],
@@ -321,12 +331,19 @@ pub(super) const FIELDS: &[Synonym] = &[
             "targetupdate",
             "targetupdatefreq",
             "targetnetworkupdatefreq",
-            "tau",
-            "polyak",
         ],
         "the target network is copied after a number of gradient steps",
         &[&["algorithm.learning.target_every={}"]],
         "1000",
+    ),
+    field(
+        &["tau", "polyak"],
+        "how fast target networks follow the trained ones",
+        &[
+            &["algorithm.target_rate={}"],
+            &["algorithm.learning.target_every=1000"],
+        ],
+        "0.005",
     ),
     field(
         &[
@@ -459,9 +476,9 @@ pub(super) const FIELDS: &[Synonym] = &[
             "startsteps",
             "randomsteps",
         ],
-        "learning begins when the replay buffer has a minibatch",
-        &[],
-        "",
+        "learning begins when the replay buffer has a minibatch, with `SeedSac` after its random steps",
+        &[&["algorithm.random_steps={}"]],
+        "1000",
     ),
 ];
 
@@ -491,18 +508,10 @@ pub(super) const ALGORITHMS: &[Synonym] = &[
     ),
     field(
         &[
-            "sac",
-            "td3",
-            "ddpg",
-            "tqc",
-            "mpo",
-            "dreamer",
-            "dreamerv3",
-            "crossq",
-            "redq",
+            "sac", "td3", "ddpg", "tqc", "mpo", "crossq", "redq", "droq", "seedsac",
         ],
-        "there is no off-policy learner for continuous actions; the nearest is `SeedPg`",
-        &[&["algorithm=SeedPg(policy_data: Own, epochs: 4)"]],
+        "`SeedSac`, for tasks with continuous actions",
+        &[&["algorithm=SeedSac()"]],
         "",
     ),
     field(
@@ -557,6 +566,8 @@ pub(super) const ALGORITHMS: &[Synonym] = &[
             "posteriorsampling",
             "pets",
             "mbpo",
+            "dreamer",
+            "dreamerv3",
             "thompson",
             "seedpsrl",
         ],

@@ -1,12 +1,13 @@
 use super::*;
 
-const ALGORITHM_NAMES: [&str; 9] = [
+const ALGORITHM_NAMES: [&str; 10] = [
     "SeedPg",
     "LeaderFollowers",
     "QLearning",
     "SeedTd",
     "BootstrappedDqn",
     "HyperAgent",
+    "SeedSac",
     "SeedPsrl",
     "CrossEntropy",
     "Random",
@@ -52,6 +53,30 @@ const CASES: &[Case] = &[
         &["algorithm.network.optimizer.step_size=0.001"],
     ),
     ("CrossEntropy", "lr", "0.1", &[]),
+    (
+        "SeedSac",
+        "learning_rate",
+        "3e-4",
+        &[
+            "algorithm.policy_optimizer.step_size=3e-4",
+            "algorithm.critic_optimizer.step_size=3e-4",
+        ],
+    ),
+    ("SeedSac", "tau", "0.01", &["algorithm.target_rate=0.01"]),
+    (
+        "SeedSac",
+        "learning_starts",
+        "5000",
+        &["algorithm.random_steps=5000"],
+    ),
+    ("SeedSac", "gradient_steps", "2", &["algorithm.updates=2"]),
+    (
+        "SeedSac",
+        "ent_coef",
+        "0.2",
+        &["algorithm.temperature=Fixed(alpha: 0.2)"],
+    ),
+    ("SeedPg", "algorithm", "SAC", &["algorithm=SeedSac()"]),
     ("SeedPg", "gamma", "0.9", &["algorithm.discount=0.9"]),
     (
         "SeedTd",

@@ -68,6 +68,16 @@ fn a_run_that_does_not_fit_in_memory_is_refused_before_it_starts() {
          agents, `hidden` or `replay`, or start anyway with --ignore-memory\n"
     );
     assert!(!path.exists());
+    // 10⁸ transitions of 45 bytes, with room for a fourth more.
+    let refused = run(
+        "--set agents.count=1 --set 'environment=\"pendulum\"' --set 'stop=Episodes(1000000)' \
+                       --set 'algorithm=SeedSac(hidden: [8], replay: 100000000)'",
+    );
+    assert_eq!(refused.status.code(), Some(2));
+    let message = stderr(&refused);
+    let expected =
+        "in `algorithm.SeedSac.replay`: this run would need about 5.6 GB, and `ulimit -v` allows";
+    assert!(message.contains(expected), "{message}");
     // The estimate is rough: agents without networks need less than agents with networks.
     let team = "--set agents.count=1600 --set algorithm=Random";
     assert_eq!(run(team).status.code(), Some(2));

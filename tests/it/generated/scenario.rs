@@ -13,6 +13,7 @@ use seedbed_learn::algorithms::cross_entropy::CrossEntropy;
 use seedbed_learn::algorithms::leader_followers::LeaderFollowers;
 use seedbed_learn::algorithms::seed_pg::config::SeedPg;
 use seedbed_learn::algorithms::seed_psrl::SeedPsrl;
+use seedbed_learn::algorithms::seed_sac::config::SeedSac;
 use seedbed_learn::algorithms::value_based::config::{BootstrappedDqn, QLearning, SeedTd};
 use seedbed_learn::algorithms::value_based::hyper_agent::HyperAgent;
 use seedbed_random::Stream;
@@ -64,6 +65,7 @@ impl Generator {
                 ("SeedTd", schema::<SeedTd>()),
                 ("BootstrappedDqn", schema::<BootstrappedDqn>()),
                 ("HyperAgent", schema::<HyperAgent>()),
+                ("SeedSac", schema::<SeedSac>()),
                 ("SeedPsrl", schema::<SeedPsrl>()),
                 ("CrossEntropy", schema::<CrossEntropy>()),
             ],
@@ -78,8 +80,9 @@ impl Generator {
         let (name, config) = &self.algorithms[random.random_range(0..self.algorithms.len())];
         let is_value_based = !matches!(
             *name,
-            "SeedPg" | "LeaderFollowers" | "SeedPsrl" | "CrossEntropy"
+            "SeedPg" | "LeaderFollowers" | "SeedSac" | "SeedPsrl" | "CrossEntropy"
         );
+        let is_continuous = *name == "SeedSac";
         let mut overrides = Vec::new();
         let mut parts = vec![format!(
             "algorithm: {name}{}",
@@ -87,7 +90,12 @@ impl Generator {
         )];
         let task = loop {
             let task = TASKS[random.random_range(0..TASKS.len())];
-            if !(is_value_based && task == "continuous") {
+            let fits = if task == "continuous" {
+                !is_value_based
+            } else {
+                !is_continuous
+            };
+            if fits {
                 break task;
             }
         };
@@ -113,7 +121,7 @@ impl Generator {
                 "schedule: {}",
                 value(&self.scenario, schedule, random)
             ));
-        } else if is_value_based {
+        } else if is_value_based || is_continuous {
             parts.push("schedule: Lockstep(learn_every: 3)".to_owned());
         }
         if random.random_ratio(1, 3) {

@@ -6,6 +6,7 @@
 //! recordings.
 
 pub mod bonus;
+pub(crate) mod critic;
 pub(crate) mod dynamics;
 pub(crate) mod network;
 pub mod network_info;
@@ -13,6 +14,7 @@ pub(crate) mod planning;
 pub mod policy;
 #[cfg(test)]
 mod policy_reference;
+pub(crate) mod squashed_policy;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,9 @@
 //! A trainable network: shape, parameters, optimizer, and the initial parameters, towards which
 //! training may be regularized.
 
+use std::fmt::Display;
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use crate::nn::{Activations, Adam, AdamSettings, Mlp, Tensor, network_tensors};
@@ -106,6 +109,18 @@ impl Network {
             .descend(parameters, &self.gradient, descent.step_size_factor);
     }
 
+    /// The gradient with respect to some inputs of the latest forward pass: see
+    /// [`Mlp::input_gradient`].   `output_gradient: [B × out]` → `[B × columns]`
+    pub(crate) fn input_gradient(
+        &mut self,
+        output_gradient: &[f32],
+        columns: Range<usize>,
+    ) -> &[f32] {
+        let (parameters, activations) = (&self.learned.parameters, &mut self.activations);
+        self.mlp
+            .input_gradient(parameters, activations, output_gradient, columns)
+    }
+
     /// The output layer's weights and biases.
     pub(crate) fn output_layer(&mut self) -> (&mut [f32], &mut [f32]) {
         self.mlp.output_layer(&mut self.learned.parameters)
@@ -126,12 +141,18 @@ impl Network {
     }
 
     /// The parameters layer by layer, named after the network's `role`.
-    pub(crate) fn tensors<'a>(&'a self, role: &'a str) -> impl Iterator<Item = Tensor<'a>> {
+    pub(crate) fn tensors<'a>(
+        &'a self,
+        role: impl Display + 'a,
+    ) -> impl Iterator<Item = Tensor<'a>> {
         network_tensors(&self.mlp, &self.learned.parameters, role)
     }
 
     /// The initial parameters layer by layer, named after the network's `role`.
-    pub(crate) fn initial_tensors<'a>(&'a self, role: &'a str) -> impl Iterator<Item = Tensor<'a>> {
+    pub(crate) fn initial_tensors<'a>(
+        &'a self,
+        role: impl Display + 'a,
+    ) -> impl Iterator<Item = Tensor<'a>> {
         network_tensors(&self.mlp, &self.initial_parameters, role)
     }
 

@@ -6,7 +6,7 @@
 
 use serde::Serialize;
 
-use crate::nn::STANDARDIZED_LIMIT;
+use crate::nn::{Activation, STANDARDIZED_LIMIT};
 use crate::scaling::ObservationScaling;
 use seedbed_env::TaskSpec;
 
@@ -17,6 +17,8 @@ pub struct NetworkInfo {
     pub models: Option<ModelInfo>,
     /// Networks whose weighted outputs are added. The sum is what [`heads`](Self::heads) describe.
     pub outputs: Vec<OutputTerm>,
+    /// The function between the layers of these networks.
+    pub activation: Activation,
     /// The meaning of the outputs: one head per component of an action.
     pub heads: Vec<Head>,
     /// How actions were chosen in training, as in a scenario.
@@ -89,6 +91,17 @@ pub enum HeadKind {
         /// How the distribution is computed.
         formula: &'static str,
     },
+    /// Mean and logarithm of the standard deviation of a Gaussian whose samples are squashed by tanh.
+    SquashedGaussian {
+        /// Center of the range, in the component's unit.
+        center: f32,
+        /// Half the range, in the component's unit.
+        half_range: f32,
+        /// Bounds of the second output.
+        log_deviation_clamp: [f32; 2],
+        /// How the distribution is computed.
+        formula: &'static str,
+    },
     /// Values Q(s, a) of a choice among values.
     ActionValues {
         /// The values of the action, in the order of the outputs.
@@ -103,6 +116,8 @@ impl HeadKind {
         "p = softmax(o); the action is values[i] with probability p[i]";
     pub(super) const GAUSSIAN: &'static str = "mean = center + half_range * o[0]; log_deviation = \
         clip(o[1] + log_deviation_offset, *log_deviation_clamp) + log(half_range)";
+    pub(super) const SQUASHED_GAUSSIAN: &'static str = "u has mean o[0] and log_deviation clip(o[1], \
+        *log_deviation_clamp); the action is center + half_range * tanh(u)";
     pub(crate) const ACTION_VALUES: &'static str = "Q(s, values[i]) = o[i]";
 }
 

@@ -16,7 +16,7 @@ use crate::agent::network_info::{ModelInfo, NetworkInfo, OutputTerm, ScalingInfo
 use crate::agent::policy::{self, ActionSelection, Policy};
 use crate::agent::{ActScratch, UpdateReport};
 use crate::experience::Episode;
-use crate::nn::{AdamSettings, Mlp, Tensor, network_tensors};
+use crate::nn::{Activation, AdamSettings, Mlp, Tensor, network_tensors};
 use crate::scaling::{ObservationScaling, Scaling};
 use crate::team::{
     ActionRequest, AgentUpdate, LearningRequest, SavedTeam, Team, TeamContext, Workers,
@@ -89,6 +89,7 @@ impl AlgorithmConfig for CrossEntropy {
                 factor: 1.0,
                 skip_connection: false,
             }],
+            activation: Activation::Tanh,
             heads: policy::heads(task, RELATIVE_DEVIATION),
             action_selection: setting_text(&self.actions),
             observation_scaling: ScalingInfo::new(self.observations, ""),

@@ -10,6 +10,7 @@ pub mod leader_followers;
 pub mod random;
 pub mod seed_pg;
 pub mod seed_psrl;
+pub mod seed_sac;
 pub mod value_based;
 
 use serde::{Deserialize, Serialize};
@@ -20,7 +21,8 @@ use crate::agent::network_info::{NetworkInfo, PlannerInfo};
 use crate::agent::policy::ActionSelection;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
-use seedbed_input::ValidationError;
+use seedbed_input::numbers::Count;
+use seedbed_input::{Located, ValidationError};
 
 /// What the configuration of an algorithm provides. Its parameters are documented by the doc
 /// comments of its fields.
@@ -78,6 +80,11 @@ pub trait AlgorithmConfig {
 
     /// The exploration bonus; none if the algorithm has no such parameter.
     fn bonus(&self) -> Option<&Bonus> {
+        None
+    }
+
+    /// Maximal number of transitions in the replay buffer; none if the algorithm has no such parameter.
+    fn replay(&self) -> Option<&Located<Count<100_000_000>>> {
         None
     }
 
@@ -198,6 +205,7 @@ algorithms! {
         SeedTd(value_based::config::SeedTd),
         BootstrappedDqn(value_based::config::BootstrappedDqn),
         HyperAgent(value_based::hyper_agent::HyperAgent),
+        SeedSac(seed_sac::config::SeedSac),
         SeedPsrl(seed_psrl::SeedPsrl),
         CrossEntropy(cross_entropy::CrossEntropy),
     }

@@ -39,6 +39,9 @@ pub struct Replay {
     origins: Vec<Origin>,
 }
 
+/// Minimal number of transitions for which a buffer makes room at once.
+const MIN_ROOM: usize = 64;
+
 /// Numbers per observation and per action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RowWidths {
@@ -98,10 +101,11 @@ impl Replay {
         }
     }
 
-    /// Approximate number of bytes of a buffer with `transitions` transitions. A vector that grows has
-    /// room for twice as many.
+    /// Approximate number of bytes of a buffer with `transitions` transitions, with the room that it
+    /// makes for more.
     pub(crate) fn memory(transitions: u64, widths: RowWidths) -> u64 {
-        transitions.saturating_mul(2 * widths.bytes() as u64)
+        let with_room = transitions.saturating_add(transitions / 4);
+        with_room.saturating_mul(widths.bytes() as u64)
     }
 
     /// Maximal number of transitions.
@@ -153,6 +157,7 @@ impl Replay {
         let index = (self.added % self.capacity as u64) as usize;
         self.added += 1;
         if index == self.len() {
+            self.reserve();
             self.observations.extend_from_slice(transition.state);
             self.observations.extend_from_slice(transition.next_state);
             self.actions.extend_from_slice(transition.action);
@@ -174,13 +179,79 @@ impl Replay {
         self.origins[index] = transition.origin;
     }
 
+    /// Makes room for more transitions if there is none: for a fourth of those that there are, but not for
+    /// more than the buffer may have.
+    fn reserve(&mut self) {
+        let count = self.len();
+        if count < self.rewards.capacity() {
+            return;
+        }
+        let more = (count / 4).max(MIN_ROOM).min(self.capacity - count);
+        let RowWidths {
+            observation,
+            action,
+        } = self.widths;
+        self.observations.reserve_exact(more * 2 * observation);
+        self.actions.reserve_exact(more * action);
+        self.rewards.reserve_exact(more);
+        self.statuses.reserve_exact(more);
+        self.origins.reserve_exact(more);
+    }
+
+    /// Index of a transition drawn uniformly from the buffer.
+    ///
+    /// # Panics
+    /// If the buffer is empty.
+    #[must_use]
+    pub fn draw_index(&self, random: &mut Stream) -> usize {
+        random.random_range(0..self.len())
+    }
+
+    /// Which step the transition at an index of the ring buffer was.
+    ///
+    /// # Panics
+    /// If the index is out of range.
+    #[must_use]
+    pub fn origin(&self, index: usize) -> Origin {
+        self.origins[index]
+    }
+
+    /// Index of the transition that follows another one in its episode; none if the episode ended, or
+    /// if the next step has not been added yet.
+    ///
+    /// # Panics
+    /// If the index is out of range.
+    #[must_use]
+    pub fn successor(&self, index: usize) -> Option<usize> {
+        if self.statuses[index] != Status::Running {
+            return None;
+        }
+        let Origin {
+            agent,
+            episode,
+            step,
+        } = self.origins[index];
+        // Between two steps of an agent there are only steps of others, one of each at most.
+        let newest = (self.added - 1) % self.capacity as u64;
+        let mut later = index;
+        while later != newest as usize {
+            later = (later + 1) % self.len();
+            let origin = self.origins[later];
+            if origin.agent == agent {
+                let is_next = (origin.episode, origin.step) == (episode, step + 1);
+                return is_next.then_some(later);
+            }
+        }
+        None
+    }
+
     /// A transition drawn uniformly from the buffer.
     ///
     /// # Panics
     /// If the buffer is empty.
     #[must_use]
     pub fn draw(&self, random: &mut Stream) -> Transition<'_> {
-        self.get(random.random_range(0..self.len()))
+        self.get(self.draw_index(random))
     }
 
     /// The transition at an index of the ring buffer.
@@ -291,7 +362,8 @@ impl Replay {
 
 impl RowWidths {
     /// Number of bytes of a transition: observations before and after, action, reward, status, origin.
-    fn bytes(self) -> usize {
+    #[must_use]
+    pub fn bytes(self) -> usize {
         4 * (2 * self.observation + self.action) + 4 + 1 + 3 * 4
     }
 }
@@ -452,6 +524,60 @@ mod tests {
             }
             assert_eq!(restored, original);
         }
+    }
+
+    /// Steps of two agents in turn: each is followed by the next of the same agent, also past the end of
+    /// the ring. The steps of the episode that ended, and the newest ones, are followed by none.
+    #[test]
+    fn a_transition_is_followed_by_the_next_step_of_its_episode() {
+        let mut replay = Replay::new(5, ONE_NUMBER);
+        let (ended, running) = (episode(3, Status::Terminated), episode(4, Status::Running));
+        let other = Episode {
+            agent: 4,
+            ..running
+        };
+        for step in 0..4 {
+            if step < 3 {
+                replay.push(&ended, step);
+            }
+            replay.push(&other, step);
+        }
+        // Seven were added; the first two were replaced by step 2 of agent 4 and its step 3.
+        let followed = (0..5).map(|index| replay.successor(index));
+        let steps = |index: usize| (replay.origins[index].agent, replay.origins[index].step);
+        let found: Vec<_> = (0..5)
+            .map(steps)
+            .zip(followed.map(|next| next.map(steps)))
+            .collect();
+        assert_eq!(
+            found,
+            [
+                ((4, 2), Some((4, 3))),
+                ((4, 3), None),
+                ((3, 1), Some((3, 2))),
+                ((4, 1), Some((4, 2))),
+                ((3, 2), None),
+            ]
+        );
+    }
+
+    /// A buffer never has room for more transitions than its capacity.
+    #[test]
+    fn room_is_made_for_no_more_than_the_capacity() {
+        let mut replay = Replay::new(100, ONE_NUMBER);
+        let episode = episode(3, Status::Running);
+        for _ in 0..400 {
+            replay.push(&episode, 0);
+            assert!(
+                replay.rewards.capacity() <= 100,
+                "{}",
+                replay.rewards.capacity()
+            );
+        }
+        assert_eq!(
+            (replay.rewards.capacity(), replay.observations.capacity()),
+            (100, 200)
+        );
     }
 
     /// Step 2 of agent 3's episode 5 leads from state 2 (0x40000000) to state 3 (0x40400000) with

@@ -1,4 +1,5 @@
-//! Multi-layer perceptrons with tanh between the layers and a linear output.
+//! Multi-layer perceptrons: an activation function between the layers, on request after layer
+//! normalization (Ba, Kiros & Hinton 2016), and a linear output.
 
 use std::ops::Range;
 
@@ -10,19 +11,30 @@ use super::kernels;
 use seedbed_input::numbers::FiniteNumber;
 
 /// The shape of a network. Its parameters are a flat vector that the caller provides: for each
-/// layer the weights `[in × out]`, then the biases `[out]`.
+/// layer the weights `[in × out]`, then the biases `[out]`, and for each normalized layer then the
+/// gains `[out]` and the shifts `[out]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mlp {
     layers: Vec<Layer>,
+    activation: Activation,
     /// Whether the inputs of the network are appended to the inputs of its output layer.
     has_skip_connection: bool,
+}
+
+/// The function that is applied to the outputs of hidden layers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
+pub enum Activation {
+    /// tanh x.
+    Tanh,
+    /// max(0, x).
+    Relu,
 }
 
 /// How the parameters of a network are initialized.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Initial {
-    /// Weights and biases uniform within ±1/√(inputs of the layer).
+    /// Weights and biases uniform within ±1/√(inputs of the layer); gains 1 and shifts 0.
     Random,
     /// The same number for all parameters (thesis Fig. 6.4c).
     Constant(FiniteNumber),
@@ -34,12 +46,23 @@ pub enum Initial {
 pub struct Activations {
     /// Outputs of each layer: `[B × outputs]` each.
     layers: Vec<Vec<f32>>,
+    /// Outputs of each layer with mean 0 and deviation 1; empty for layers that are not normalized.
+    normalized: Vec<Normalized>,
     /// Inputs of the output layer of a network with a skip connection: `[B × (hidden + in)]`.
     joined: Vec<f32>,
     /// Derivatives of the loss with respect to the inputs of the activation function: those of the
     /// layer that the backward pass has reached, and those of the layer before it.
     deltas: [Vec<f32>; 2],
     scratch: kernels::Scratch,
+}
+
+/// The outputs of a layer before gains and shifts.
+#[derive(Clone, Debug, Default)]
+struct Normalized {
+    /// Outputs with mean 0 and deviation 1 in each row: `[B × outputs]`.
+    outputs: Vec<f32>,
+    /// Reciprocals of the deviations of the rows: `[B]`.
+    reciprocals: Vec<f32>,
 }
 
 impl Mlp {
@@ -60,14 +83,35 @@ impl Mlp {
                 inputs: pair[0],
                 outputs: pair[1],
                 start,
+                is_normalized: false,
             };
             start = layer.end();
             layer
         };
         Self {
             layers: sizes.windows(2).enumerate().map(layer).collect(),
+            activation: Activation::Tanh,
             has_skip_connection: false,
         }
+    }
+
+    /// The same network with another activation function.
+    #[must_use]
+    pub fn with_activation(self, activation: Activation) -> Self {
+        Self { activation, ..self }
+    }
+
+    /// The same network with layer normalization: the outputs of each hidden layer are
+    /// gain · (y − mean y)/√(variance of y + 10⁻⁵) + shift before the activation function.
+    #[must_use]
+    pub fn with_layer_normalization(mut self) -> Self {
+        let (mut start, last) = (0, self.layers.len() - 1);
+        for layer in &mut self.layers {
+            layer.start = start;
+            layer.is_normalized = layer.index < last;
+            start = layer.end();
+        }
+        self
     }
 
     /// A network whose output layer has as inputs the outputs of the last hidden layer and the
@@ -113,6 +157,10 @@ impl Mlp {
                     let bound = 1.0 / (layer.inputs as f32).sqrt();
                     let count = layer.inputs * layer.outputs + layer.outputs;
                     parameters.extend((0..count).map(|_| random.random_range(-bound..=bound)));
+                    if layer.is_normalized {
+                        parameters.extend(std::iter::repeat_n(1.0, layer.outputs));
+                        parameters.extend(std::iter::repeat_n(0.0, layer.outputs));
+                    }
                 }
                 parameters
             }
@@ -131,9 +179,14 @@ impl Mlp {
     ) -> &'a [f32] {
         assert_eq!(parameters.len(), self.parameter_count());
         let batch = inputs.len() / self.inputs();
-        activations.layers.resize_with(self.layers.len(), Vec::new);
+        let count = self.layers.len();
+        activations.layers.resize_with(count, Vec::new);
+        activations
+            .normalized
+            .resize_with(count, Normalized::default);
         let Activations {
             layers,
+            normalized,
             joined,
             scratch,
             ..
@@ -149,8 +202,16 @@ impl Mlp {
             outputs.resize(batch * layer.outputs, 0.0);
             let (weight, bias) = (layer.weight(parameters), layer.bias(parameters));
             kernels::affine(weight, bias, x, outputs, scratch);
-            if layer.index + 1 < self.layers.len() {
-                kernels::tanh_in_place(outputs);
+            if layer.is_normalized {
+                let Normalized {
+                    outputs: rows,
+                    reciprocals,
+                } = &mut normalized[layer.index];
+                let (gains, shifts) = layer.gains_and_shifts(parameters);
+                kernels::normalize_rows(gains, shifts, outputs, rows, reciprocals);
+            }
+            if layer.index + 1 < count {
+                self.activation.apply(outputs);
             }
         }
         activations.output()
@@ -172,40 +233,91 @@ impl Mlp {
         gradient: &mut [f32],
     ) {
         assert_eq!(gradient.len(), self.parameter_count());
-        let Activations {
-            layers,
-            joined,
-            deltas: [deltas, earlier_deltas],
-            scratch,
-        } = activations;
         let batch = output_gradient.len() / self.outputs();
-        deltas.clear();
-        deltas.extend_from_slice(output_gradient);
+        activations.deltas[0].clear();
+        activations.deltas[0].extend_from_slice(output_gradient);
         for layer in self.layers.iter().rev() {
+            if layer.is_normalized {
+                let (gain_gradient, shift_gradient) = layer.gains_and_shifts_mut(gradient);
+                activations.normalization_gradient(layer, gain_gradient, shift_gradient);
+                activations.step_back_over_normalization(layer, parameters);
+            }
+            let Activations {
+                layers,
+                joined,
+                deltas,
+                scratch,
+                ..
+            } = &mut *activations;
             let x = match layer.index {
                 0 => inputs,
                 _ if self.is_joined(layer) => joined,
                 index => &layers[index - 1],
             };
-            let x = &x[..batch * layer.inputs];
             let (dw, db) = layer.split_mut(gradient);
-            kernels::parameter_gradient(x, deltas, dw, db, scratch);
+            kernels::parameter_gradient(&x[..batch * layer.inputs], &deltas[0], dw, db, scratch);
             if layer.index > 0 {
-                earlier_deltas.resize(x.len(), 0.0);
-                kernels::input_gradient(
-                    layer.weight(parameters),
-                    deltas,
-                    earlier_deltas,
-                    layer.outputs,
-                    scratch,
-                );
-                let width = self.layers[layer.index - 1].outputs;
-                keep_first_columns(earlier_deltas, layer.inputs, width);
-                let outputs = &layers[layer.index - 1][..batch * width];
-                kernels::tanh_gradient_in_place(outputs, earlier_deltas);
-                std::mem::swap(deltas, earlier_deltas);
+                self.step_back(layer, parameters, activations);
             }
         }
+    }
+
+    /// Computes the gradient of a loss with respect to some of the inputs, those of the columns
+    /// `columns`, from its gradient with respect to the first B outputs of the latest forward pass.
+    /// `output_gradient: [B × out]` → `[B × columns]`
+    ///
+    /// # Panics
+    /// If a slice has another shape, or if the network has a skip connection.
+    pub fn input_gradient<'a>(
+        &self,
+        parameters: &[f32],
+        activations: &'a mut Activations,
+        output_gradient: &[f32],
+        columns: Range<usize>,
+    ) -> &'a [f32] {
+        assert!(!self.has_skip_connection, "not for skip connections");
+        activations.deltas[0].clear();
+        activations.deltas[0].extend_from_slice(output_gradient);
+        for layer in self.layers.iter().skip(1).rev() {
+            if layer.is_normalized {
+                activations.step_back_over_normalization(layer, parameters);
+            }
+            self.step_back(layer, parameters, activations);
+        }
+        let first = &self.layers[0];
+        if first.is_normalized {
+            activations.step_back_over_normalization(first, parameters);
+        }
+        let rows = columns.start * first.outputs..columns.end * first.outputs;
+        let weight = &first.weight(parameters)[rows];
+        let Activations {
+            deltas: [deltas, earlier_deltas],
+            scratch,
+            ..
+        } = activations;
+        earlier_deltas.resize(deltas.len() / first.outputs * columns.len(), 0.0);
+        kernels::input_gradient(weight, deltas, earlier_deltas, first.outputs, scratch);
+        earlier_deltas
+    }
+
+    /// From the derivatives with respect to the outputs of a layer, before its activation function,
+    /// to those of the layer before it.
+    fn step_back(&self, layer: &Layer, parameters: &[f32], activations: &mut Activations) {
+        let Activations {
+            layers,
+            deltas: [deltas, earlier_deltas],
+            scratch,
+            ..
+        } = activations;
+        let batch = deltas.len() / layer.outputs;
+        earlier_deltas.resize(batch * layer.inputs, 0.0);
+        let weight = layer.weight(parameters);
+        kernels::input_gradient(weight, deltas, earlier_deltas, layer.outputs, scratch);
+        let width = self.layers[layer.index - 1].outputs;
+        keep_first_columns(earlier_deltas, layer.inputs, width);
+        let outputs = &layers[layer.index - 1][..batch * width];
+        self.activation.apply_gradient(outputs, earlier_deltas);
+        std::mem::swap(deltas, earlier_deltas);
     }
 
     /// Whether the inputs of the network are appended to the inputs of a layer.
@@ -218,24 +330,31 @@ impl Mlp {
         self.last_layer().split_mut(parameters)
     }
 
-    /// Names, shapes and values of the weights and the biases of each layer.
+    /// Names, shapes and values of the weights and the biases of each layer, and of the gains and
+    /// shifts of normalized layers.
     pub fn tensors<'a>(
         &self,
         parameters: &'a [f32],
     ) -> impl Iterator<Item = (String, Vec<usize>, &'a [f32])> {
         self.layers.iter().flat_map(move |layer| {
-            [
-                (
-                    format!("layer_{}.weight", layer.index),
-                    vec![layer.inputs, layer.outputs],
-                    layer.weight(parameters),
-                ),
-                (
-                    format!("layer_{}.bias", layer.index),
-                    vec![layer.outputs],
-                    layer.bias(parameters),
-                ),
-            ]
+            let (inputs, outputs) = (layer.inputs, layer.outputs);
+            let tensor = |name: &str, shape: Vec<usize>, values: &'a [f32]| {
+                (format!("layer_{}.{name}", layer.index), shape, values)
+            };
+            let affine = [
+                tensor("weight", vec![inputs, outputs], layer.weight(parameters)),
+                tensor("bias", vec![outputs], layer.bias(parameters)),
+            ];
+            let normalization = layer.is_normalized.then(|| {
+                let (gains, shifts) = layer.gains_and_shifts(parameters);
+                [
+                    tensor("gain", vec![outputs], gains),
+                    tensor("shift", vec![outputs], shifts),
+                ]
+            });
+            affine
+                .into_iter()
+                .chain(normalization.into_iter().flatten())
         })
     }
 
@@ -245,6 +364,32 @@ impl Mlp {
 
     fn last_layer(&self) -> &Layer {
         &self.layers[self.layers.len() - 1]
+    }
+}
+
+impl Activation {
+    /// The name of the function in files of tensors.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tanh => "tanh",
+            Self::Relu => "relu",
+        }
+    }
+
+    fn apply(self, y: &mut [f32]) {
+        match self {
+            Self::Tanh => kernels::tanh_in_place(y),
+            Self::Relu => kernels::relu_in_place(y),
+        }
+    }
+
+    /// Multiplies derivatives with respect to outputs y by the derivative of the function.
+    fn apply_gradient(self, y: &[f32], dy: &mut [f32]) {
+        match self {
+            Self::Tanh => kernels::tanh_gradient_in_place(y, dy),
+            Self::Relu => kernels::relu_gradient_in_place(y, dy),
+        }
     }
 }
 
@@ -277,6 +422,23 @@ impl Activations {
     pub fn output(&self) -> &[f32] {
         self.layers.last().map_or(&[], Vec::as_slice)
     }
+
+    /// The derivatives with respect to the gains and the shifts of a layer.
+    fn normalization_gradient(&self, layer: &Layer, gains: &mut [f32], shifts: &mut [f32]) {
+        let rows = &self.normalized[layer.index].outputs;
+        kernels::normalization_gradient(rows, &self.deltas[0], gains, shifts);
+    }
+
+    /// From the derivatives with respect to normalized outputs to those with respect to outputs
+    /// before the normalization.
+    fn step_back_over_normalization(&mut self, layer: &Layer, parameters: &[f32]) {
+        let (gains, _) = layer.gains_and_shifts(parameters);
+        let Normalized {
+            outputs,
+            reciprocals,
+        } = &self.normalized[layer.index];
+        kernels::normalize_rows_gradient(gains, outputs, reciprocals, &mut self.deltas[0]);
+    }
 }
 
 /// The range of one layer's parameters in the flat vector.
@@ -286,6 +448,8 @@ pub(super) struct Layer {
     pub(super) inputs: usize,
     pub(super) outputs: usize,
     start: usize,
+    /// Whether the layer has gains and shifts.
+    is_normalized: bool,
 }
 
 impl Layer {
@@ -294,7 +458,19 @@ impl Layer {
     }
 
     pub(super) fn bias<'a>(&self, parameters: &'a [f32]) -> &'a [f32] {
-        &parameters[self.start + self.inputs * self.outputs..self.end()]
+        &parameters[self.start + self.inputs * self.outputs..self.affine_end()]
+    }
+
+    /// Gains and shifts of a normalized layer: `[out]` each.
+    fn gains_and_shifts<'a>(&self, parameters: &'a [f32]) -> (&'a [f32], &'a [f32]) {
+        parameters[self.affine_end()..self.end()].split_at(self.outputs)
+    }
+
+    fn gains_and_shifts_mut<'a>(
+        &self,
+        parameters: &'a mut [f32],
+    ) -> (&'a mut [f32], &'a mut [f32]) {
+        parameters[self.affine_end()..self.end()].split_at_mut(self.outputs)
     }
 
     /// Weights and biases as mutable slices.
@@ -307,11 +483,20 @@ impl Layer {
 
     /// The range of weights and biases: `[(in + 1) × out]`, with the biases as the last row.
     pub(super) fn range(&self) -> Range<usize> {
-        self.start..self.end()
+        self.start..self.affine_end()
+    }
+
+    fn affine_end(&self) -> usize {
+        self.start + (self.inputs + 1) * self.outputs
     }
 
     fn end(&self) -> usize {
-        self.start + (self.inputs + 1) * self.outputs
+        let normalization = if self.is_normalized {
+            2 * self.outputs
+        } else {
+            0
+        };
+        self.affine_end() + normalization
     }
 }
 
@@ -370,7 +555,66 @@ mod tests {
         }
     }
 
+    /// A row with mean 3 and variance 4 becomes (−1, 1); gains 2, 3 and shifts 1, −1 make it (−1, 2), of
+    /// which max(0, x) keeps 2: y = 10·0 + 100·2 + 5.
+    #[test]
+    fn layer_normalization_by_hand() {
+        let network = Mlp::new(&[1, 2, 1])
+            .with_activation(Activation::Relu)
+            .with_layer_normalization();
+        let parameters = [1.0, 5.0, 0.0, 0.0, 2.0, 3.0, 1.0, -1.0, 10.0, 100.0, 5.0];
+        assert_eq!(network.parameter_count(), parameters.len());
+        let mut activations = Activations::default();
+        let output = network.forward(&parameters, &[1.0], &mut activations);
+        assert!((output[0] - 205.0).abs() < 1e-2, "{output:?}");
+        let names: Vec<String> = network
+            .tensors(&parameters)
+            .map(|(name, ..)| name)
+            .collect();
+        assert_eq!(
+            names[..4],
+            ["weight", "bias", "gain", "shift"].map(|name| format!("layer_0.{name}"))
+        );
+        assert_eq!(names.len(), 6);
+    }
+
     proptest! {
+        /// The gradient of L = ½ Σ y² with respect to the last two of three inputs, with every kind of
+        /// hidden layer. Gains and shifts that are not 1 and 0 come from a step along a gradient.
+        #[test]
+        fn input_gradients_agree_with_central_differences(seed: u64, batch in 1..6_usize, width in 8..20_usize, normalized: bool) {
+            let mut network = Mlp::new(&[3, width, 7, 2]);
+            if normalized {
+                network = network.with_layer_normalization();
+            }
+            let mut random = stream(seed, Purpose::InitialParameters, 0, 0);
+            let mut parameters = network.initial_parameters(Initial::Random, &mut random);
+            for parameter in &mut parameters {
+                *parameter += random.random_range(-0.2_f32..=0.2);
+            }
+            let mut inputs: Vec<f32> = (0..3 * batch).map(|_| random.random_range(-2.0..=2.0)).collect();
+            let mut activations = Activations::default();
+            let output = network.forward(&parameters, &inputs, &mut activations).to_vec();
+            let gradient = network.input_gradient(&parameters, &mut activations, &output, 1..3).to_vec();
+            let mut loss = |inputs: &[f32]| -> f64 {
+                let output = network.forward(&parameters, inputs, &mut activations);
+                output.iter().map(|y| 0.5 * f64::from(*y).powi(2)).sum()
+            };
+            for (index, slope) in gradient.iter().enumerate() {
+                let place = index / 2 * 3 + 1 + index % 2;
+                let (original, h) = (inputs[place], 3e-3);
+                inputs[place] = original + h;
+                let above = loss(&inputs);
+                inputs[place] = original - h;
+                let below = loss(&inputs);
+                inputs[place] = original;
+                let numeric = (above - below) / f64::from(2.0 * h);
+                // The curvature of a normalized row grows as its deviation falls.
+                let tolerance = if normalized { 0.05 } else { 5e-3 };
+                prop_assert!((numeric - f64::from(*slope)).abs() < tolerance * (1.0 + numeric.abs()), "{index}: {numeric} {slope}");
+            }
+        }
+
         /// L = ½ Σ y², so ∂L/∂y = y. The gradient is compared with (L(θ + h) − L(θ − h)) / 2h,
         /// whose error in f32 is about 10⁻³ for h = 10⁻².
         #[test]

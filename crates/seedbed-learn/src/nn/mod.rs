@@ -17,8 +17,9 @@ pub use adam::{Adam, AdamSettings};
 pub use bayesian::{
     BayesianNetwork, BayesianSettings, BayesianState, DiagonalGaussian, Likelihood,
 };
+pub(crate) use kernels::move_towards;
 pub use median_scale::MedianScale;
-pub use mlp::{Activations, Initial, Mlp};
+pub use mlp::{Activation, Activations, Initial, Mlp};
 pub use pop_art::PopArt;
 pub use standardizer::{STANDARDIZED_LIMIT, Standardizer};
 pub use tensor::Tensor;

@@ -1,6 +1,7 @@
 //! Named parameters of networks.
 
 use std::borrow::Cow;
+use std::fmt::Display;
 
 use serde::{Deserialize, Serialize};
 
@@ -51,7 +52,7 @@ impl<'a> Tensor<'a> {
 pub(crate) fn network_tensors<'a>(
     mlp: &'a Mlp,
     parameters: &'a [f32],
-    role: &'a str,
+    role: impl Display + 'a,
 ) -> impl Iterator<Item = Tensor<'a>> {
     let tensors = mlp.tensors(parameters);
     tensors.map(move |(name, shape, values)| Tensor {

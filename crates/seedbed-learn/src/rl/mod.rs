@@ -11,4 +11,6 @@ pub mod information_gain;
 pub mod policy_loss;
 pub mod q_learning;
 pub mod returns;
+pub mod soft_actor_critic;
+pub mod squashed_gaussian;
 pub mod state_entropy;

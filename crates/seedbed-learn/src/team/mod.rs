@@ -5,7 +5,10 @@
 //! [`Agent`](crate::agent::Agent)s with their own networks; learners that share models implement
 //! the trait themselves. [`Workers`] are the threads that a team may use.
 
+mod bonuses;
 mod independent;
+mod learning_clock;
+mod local_models;
 mod workers;
 
 use std::ops::Range;
@@ -19,7 +22,10 @@ use crate::nn::Tensor;
 use seedbed_env::TaskSpec;
 use seedbed_random::Stream;
 
+pub(crate) use bonuses::{HasBonusModel, mean_bonus, update_bonus_models};
 pub use independent::IndependentLearners;
+pub(crate) use learning_clock::LearningClock;
+pub(crate) use local_models::LocalModels;
 pub use workers::Workers;
 
 /// K agents that act concurrently and learn from shared experience.

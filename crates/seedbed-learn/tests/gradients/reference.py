@@ -32,6 +32,8 @@ def main():
     reference = {
         "made_by": {library: version(library) for library in ("jax", "jaxlib", "numpy", "optax")},
         "networks": [network_case("narrow", [3, 16, 7, 2], 5), network_case("wide", [4, 32, 32, 1], 40)],
+        "hidden_layers": [hidden_layer_case("rectified", "Relu", False), hidden_layer_case("rectified, normalized", "Relu", True),
+                          hidden_layer_case("tanh, normalized", "Tanh", True)],
         "categorical": categorical_cases(),
         "gaussian": gaussian_cases(),
         "policy_losses": policy_loss_cases(),
@@ -40,6 +42,9 @@ def main():
         "action_values": [action_value_case("plain", False, 0.0, 0.0), action_value_case("double", True, 0.0, 0.0),
                           action_value_case("seeded, with a prior and a pull", False, 3.0, 0.25)],
         "indexed_values": [indexed_value_case("same index", False), indexed_value_case("other index, double", True)],
+        "squashed_gaussian": squashed_gaussian_cases(),
+        "soft_critics": [soft_critic_case("plain", False, 0.0, 0.0), soft_critic_case("normalized, with priors and a pull", True, 3.0, 0.25)],
+        "soft_policies": [soft_policy_case("smallest value", "Min", False, 0.0), soft_policy_case("mean value, normalized, with priors", "Mean", True, 3.0)],
         "adam": adam_cases(),
         "pop_art": [pop_art_case("slow", 0.125), pop_art_case("fast", 0.75)],
     }
@@ -49,24 +54,33 @@ def main():
 # Networks: tanh between the layers, a linear output. Parameters are flat: layer by layer weight [in × out], then bias [out].
 
 
-def mlp(sizes, parameters, inputs):
-    """[B × in] → [B × out]"""
+def mlp(sizes, parameters, inputs, activation="Tanh", normalized=False):
+    """[B × in] → [B × out]. Normalized hidden layers have gains and shifts after their biases."""
     start, x = 0, inputs
     for layer, (rows, columns) in enumerate(zip(sizes, sizes[1:])):
         weight = parameters[start : start + rows * columns].reshape(rows, columns)
         bias = parameters[start + rows * columns : start + (rows + 1) * columns]
         start += (rows + 1) * columns
         x = x @ weight + bias
-        x = jnp.tanh(x) if layer < len(sizes) - 2 else x
-    return x
+        if layer == len(sizes) - 2:
+            return x
+        if normalized:
+            centered = x - jnp.mean(x, axis=1, keepdims=True)
+            deviation = jnp.sqrt(jnp.mean(centered**2, axis=1, keepdims=True) + 1e-5)
+            x = parameters[start : start + columns] * centered / deviation + parameters[start + columns : start + 2 * columns]
+            start += 2 * columns
+        x = jnp.tanh(x) if activation == "Tanh" else jnp.maximum(x, 0)
 
 
-def initial(name, sizes):
-    """Uniform within ±2/√(inputs of the layer): wide enough for tanh to bend."""
-    bounds = [2 / math.sqrt(size) for size in sizes]
-    layers = [numbers(f"{name} {layer}", (sizes[layer] + 1) * sizes[layer + 1], -bounds[layer], bounds[layer])
-              for layer in range(len(sizes) - 1)]
-    return [number for layer in layers for number in layer]
+def initial(name, sizes, normalized=False):
+    """Uniform within ±2/√(inputs of the layer): wide enough for tanh to bend. Gains are from ½ to 1½, shifts within ±½."""
+    parameters = []
+    for layer, (rows, columns) in enumerate(zip(sizes, sizes[1:])):
+        bound = 2 / math.sqrt(rows)
+        parameters += numbers(f"{name} {layer}", (rows + 1) * columns, -bound, bound)
+        if normalized and layer < len(sizes) - 2:
+            parameters += numbers(f"{name} {layer} gains", columns, 0.5, 1.5) + numbers(f"{name} {layer} shifts", columns, -0.5, 0.5)
+    return parameters
 
 
 def network_case(name, sizes, batch):
@@ -79,6 +93,21 @@ def network_case(name, sizes, batch):
     outputs = mlp(sizes, array(parameters), rows(inputs, sizes[0]))
     return {"name": name, "sizes": sizes, "parameters": parameters, "inputs": inputs,
             "outputs": result(outputs), "gradient": result(jax.grad(loss)(array(parameters)))}
+
+
+def hidden_layer_case(name, activation, normalized):
+    """L = ½ Σ y², and its gradients with respect to parameters and to the second and third input."""
+    sizes, batch = [3, 16, 7, 2], 9
+    parameters, inputs = initial(name, sizes, normalized), numbers(f"{name} inputs", batch * sizes[0], -2.0, 2.0)
+
+    def loss(parameters, inputs):
+        return jnp.sum(mlp(sizes, parameters, inputs, activation, normalized) ** 2) / 2
+
+    point = array(parameters), rows(inputs, sizes[0])
+    gradient, input_gradient = jax.grad(loss, (0, 1))(*point)
+    return {"name": name, "sizes": sizes, "activation": activation, "normalized": normalized, "parameters": parameters, "inputs": inputs,
+            "outputs": result(mlp(sizes, *point, activation, normalized)), "gradient": result(gradient),
+            "input_gradient": result(input_gradient[:, 1:])}
 
 
 # Distributions.
@@ -311,6 +340,104 @@ def indexed_value_case(name, independent):
             "target": target, "states": states, "next_states": next_states, "actions": actions, "rewards": rewards, "noise": noise,
             "indices": indices, "target_indices": target_indices, "discounts": discounts, "double": independent,
             "value": result(value), "gradient": result(gradient)}
+
+
+# Soft actor-critic: actions are tanh(μ + σ ε), and log π has the density of the squashed action. Outputs are μ and log σ by turns.
+
+SQUASHED_BOUNDS = (-20.0, 2.0)
+
+
+def squashed(outputs, noise):
+    """[B × 2d], [B × d] → actions [B × d], log π of each component [B × d]"""
+    mean, log_deviation = outputs[:, 0::2], jnp.clip(outputs[:, 1::2], *SQUASHED_BOUNDS)
+    deviation = jnp.exp(log_deviation)
+    before = mean + deviation * noise
+    return jnp.tanh(before), norm.logpdf(before, mean, deviation) - jnp.log(1 - jnp.tanh(before) ** 2)
+
+
+def squashed_gaussian_cases():
+    """(μ, log σ, ε): usual ones, a nearly greedy one, and one that is nearly an end of the range."""
+    return [squashed_gaussian_case(*case) for case in ((0.5, 0.25, -1.0), (-1.5, -0.75, 0.5), (0.0, 1.5, 1.25), (0.25, -6.0, 2.0), (3.0, 0.0, 1.0))]
+
+
+def squashed_gaussian_case(mean, log_deviation, noise):
+    """The gradient is that of α log π(a) − 2a with α = ¾, with respect to (μ, log σ), for constant ε."""
+
+    def loss(outputs):
+        action, log_density = squashed(outputs[None], array([[noise]]))
+        return (0.75 * log_density - 2.0 * action)[0, 0]
+
+    outputs = array([mean, log_deviation])
+    action, log_density = squashed(outputs[None], array([[noise]]))
+    return {"mean": mean, "log_deviation": log_deviation, "noise": noise, "action": result(action[0, 0]),
+            "log_density": result(log_density[0, 0]), "gradient": result(jax.grad(loss)(outputs))}
+
+
+def soft_critic_case(name, normalized, prior_scale, regularization):
+    """½ mean (r + γ (min Q'(s', a') − α log π(a'|s')) − Q(s, a))² + ½ λ ‖θ − θ̂‖², where Q = f + β p, for one of two critics."""
+    width, components, batch, alpha, stream = 3, 2, 6, 0.5, f"soft critic {name}"
+    policy_sizes, sizes = [width, 8, 8, 2 * components], [width + components, 8, 8, 1]
+    policy = initial(f"{stream} policy", policy_sizes)
+    parameters, start, *others = (initial(f"{stream} {role}", sizes, normalized)
+                                  for role in ("learned", "start", "target 0", "target 1", "prior 0", "prior 1"))
+    targets, priors = others[:2], others[2:]
+    states, next_states = (numbers(f"{stream} {when}", batch * width, -2.0, 2.0) for when in ("now", "next"))
+    actions, noise = numbers(f"{stream} actions", batch * components, -1.0, 1.0), numbers(f"{stream} noise", batch * components, -2.0, 2.0)
+    rewards, discounts = numbers(f"{stream} rewards", batch, -1.0, 2.0), [0.875, 0.0, 0.875, 0.875, 0.75, 0.875]
+
+    def values(parameters, prior, states, actions):
+        inputs = jnp.concatenate([states, actions], axis=1)
+        return sum(scale * mlp(sizes, array(p), inputs, "Relu", normalized)[:, 0] for scale, p in ((1.0, parameters), (prior_scale, prior)))
+
+    after = rows(next_states, width)
+    next_actions, log_densities = squashed(mlp(policy_sizes, array(policy), after, "Relu"), rows(noise, components))
+    judged = [values(target, prior, after, next_actions) for target, prior in zip(targets, priors)]
+    followed = jnp.minimum(*judged) - alpha * jnp.sum(log_densities, axis=1)
+    wanted = array(rewards) + array(discounts) * followed
+
+    def objective(parameters):
+        errors = values(parameters, priors[0], rows(states, width), rows(actions, components)) - wanted
+        return jnp.mean(errors**2) / 2 + regularization * jnp.sum((parameters - array(start)) ** 2) / 2
+
+    value, gradient = jax.value_and_grad(objective)(array(parameters))
+    return {"name": name, "normalized": normalized, "prior_scale": prior_scale, "regularization": regularization, "alpha": alpha,
+            "policy_sizes": policy_sizes, "policy": policy, "sizes": sizes, "parameters": parameters, "start": start, "targets": targets,
+            "priors": priors, "states": states, "next_states": next_states, "actions": actions, "noise": noise, "rewards": rewards,
+            "discounts": discounts, "wanted": result(wanted), "value": result(value), "gradient": result(gradient)}
+
+
+def soft_policy_case(name, combination, normalized, prior_scale):
+    """mean(α log π(a|s) − Q(s, a)), where Q is the minimum or the mean over two critics; and the derivative of −log α (mean log π + H̄)."""
+    width, components, batch, alpha, target_entropy, stream = 3, 2, 6, 0.5, -2.0, f"squashed policy {name}"
+    policy_sizes, sizes = [width, 8, 8, 2 * components], [width + components, 8, 8, 1]
+    policy = initial(f"{stream} policy", policy_sizes)
+    critics, priors = ([initial(f"{stream} {role} {number}", sizes, normalized) for number in (0, 1)] for role in ("critic", "prior"))
+    states, noise = numbers(f"{stream} states", batch * width, -3.0, 3.0), numbers(f"{stream} noise", batch * components, -2.0, 2.0)
+
+    def values(actions):
+        inputs = jnp.concatenate([rows(states, width), actions], axis=1)
+        terms = ((1.0, critics), (prior_scale, priors))
+        return [sum(scale * mlp(sizes, array(networks[number]), inputs, "Relu", normalized)[:, 0] for scale, networks in terms) for number in (0, 1)]
+
+    def sample(policy):
+        return squashed(mlp(policy_sizes, policy, rows(states, width), "Relu"), rows(noise, components))
+
+    def objective(policy):
+        actions, log_densities = sample(policy)
+        judged = values(actions)
+        value = jnp.minimum(*judged) if combination == "Min" else (judged[0] + judged[1]) / 2
+        return jnp.mean(alpha * jnp.sum(log_densities, axis=1) - value)
+
+    def temperature_loss(log_alpha):
+        return -log_alpha * (jnp.mean(jnp.sum(sample(array(policy))[1], axis=1)) + target_entropy)
+
+    keep_off(mlp(policy_sizes, array(policy), rows(states, width), "Relu")[:, 1::2], SQUASHED_BOUNDS[1:])
+    keep_off(jnp.subtract(*values(sample(array(policy))[0])), (0.0,))
+    value, gradient = jax.value_and_grad(objective)(array(policy))
+    return {"name": name, "combination": combination, "normalized": normalized, "prior_scale": prior_scale, "alpha": alpha,
+            "target_entropy": target_entropy, "policy_sizes": policy_sizes, "policy": policy, "sizes": sizes, "critics": critics,
+            "priors": priors, "states": states, "noise": noise, "value": result(value), "gradient": result(gradient),
+            "temperature_slope": result(jax.grad(temperature_loss)(math.log(alpha)))}
 
 
 # Adam and Pop-Art.

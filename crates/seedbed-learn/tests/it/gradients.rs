@@ -2,10 +2,11 @@
 //! `gradients/reference.py` stores in `gradients/reference.json`; its first lines explain how to
 //! run it.
 
-use seedbed_learn::nn::{Activations, Adam, AdamSettings, Mlp, PopArt};
+use seedbed_learn::nn::{Activation, Activations, Adam, AdamSettings, Mlp, PopArt};
 use seedbed_learn::rl::index_conditioned::{self, Indices};
 use seedbed_learn::rl::policy_loss::{self, Surrogate};
-use seedbed_learn::rl::{categorical, gaussian, q_learning};
+use seedbed_learn::rl::soft_actor_critic::{self, Combination};
+use seedbed_learn::rl::{categorical, gaussian, q_learning, squashed_gaussian};
 use serde::Deserialize;
 
 /// Tolerance of a number, as a share of its scale.
@@ -19,6 +20,7 @@ const TOLERANCE: f64 = 2e-5;
 #[derive(Deserialize)]
 struct Reference {
     networks: Vec<NetworkCase>,
+    hidden_layers: Vec<HiddenLayerCase>,
     categorical: Vec<CategoricalCase>,
     gaussian: Vec<GaussianCase>,
     policy_losses: Vec<PolicyLossCase>,
@@ -26,6 +28,9 @@ struct Reference {
     values: Vec<ValueCase>,
     action_values: Vec<ActionValueCase>,
     indexed_values: Vec<IndexedValueCase>,
+    squashed_gaussian: Vec<SquashedGaussianCase>,
+    soft_critics: Vec<SoftCriticCase>,
+    soft_policies: Vec<SoftPolicyCase>,
     adam: Vec<AdamCase>,
     pop_art: Vec<PopArtCase>,
 }
@@ -110,6 +115,65 @@ fn gradients_of_networks_match_the_reference() {
         );
         assert_gradient(&case.name, &network, &gradient, &case.gradient);
     });
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct HiddenLayerCase {
+    name: String,
+    sizes: Vec<usize>,
+    activation: Activation,
+    normalized: bool,
+    parameters: Vec<f32>,
+    inputs: Vec<f32>,
+    outputs: Vec<f64>,
+    gradient: Vec<f64>,
+    /// With respect to the second and the third of three inputs.
+    input_gradient: Vec<f64>,
+}
+
+/// A network with rectified or normalized hidden layers.
+fn shape(sizes: &[usize], activation: Activation, normalized: bool) -> Mlp {
+    let network = Mlp::new(sizes).with_activation(activation);
+    if normalized {
+        network.with_layer_normalization()
+    } else {
+        network
+    }
+}
+
+/// L = ½ Σ y², so ∂L/∂y = y.
+#[test]
+fn gradients_of_hidden_layers_match_the_reference() {
+    check_cases(&reference().hidden_layers, 3, |case| {
+        let network = shape(&case.sizes, case.activation, case.normalized);
+        let mut activations = Activations::default();
+        let (parameters, inputs) = (&case.parameters, &case.inputs);
+        let outputs = network.forward(parameters, inputs, &mut activations);
+        let outputs = outputs.to_vec();
+        assert_close(&format!("{}: output", case.name), &outputs, &case.outputs);
+        let mut gradient = vec![f32::NAN; network.parameter_count()];
+        network.backward(
+            parameters,
+            inputs,
+            &mut activations,
+            &outputs,
+            &mut gradient,
+        );
+        assert_gradient(&case.name, &network, &gradient, &case.gradient);
+        let slopes = network.input_gradient(parameters, &mut activations, &outputs, 1..3);
+        assert_largest(
+            &format!("{}: inputs", case.name),
+            slopes,
+            &case.input_gradient,
+        );
+    });
+}
+
+/// Compares numbers relative to the largest of them.
+fn assert_largest(name: &str, ours: &[f32], reference: &[f64]) {
+    let largest = reference.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+    assert_close_at_scale(name, ours, reference, largest);
 }
 
 #[derive(Deserialize)]
@@ -659,6 +723,261 @@ fn gradients_of_indexed_values_match_the_reference() {
             &mut gradient,
         );
         assert_gradient(&case.name, &network, &gradient, &case.gradient);
+    });
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SquashedGaussianCase {
+    mean: f32,
+    log_deviation: f32,
+    noise: f32,
+    action: f64,
+    log_density: f64,
+    /// Of ¾ log π(a) − 2a, with respect to μ and log σ.
+    gradient: Vec<f64>,
+}
+
+#[test]
+fn squashed_gaussian_distributions_match_the_reference() {
+    check_cases(&reference().squashed_gaussian, 5, |case| {
+        let (outputs, noise) = ([case.mean, case.log_deviation], [case.noise]);
+        let name = |what| format!("μ {}, log σ {}: {what}", case.mean, case.log_deviation);
+        let (mut actions, mut log_densities) = (Vec::new(), Vec::new());
+        squashed_gaussian::sample(&outputs, &noise, &mut actions, &mut log_densities);
+        assert_close(&name("action"), &actions, &[case.action]);
+        assert_close(&name("log-density"), &log_densities, &[case.log_density]);
+        let mut gradient = Vec::new();
+        let samples = (&noise[..], &actions[..]);
+        squashed_gaussian::policy_gradient(&outputs, samples, &[2.0], (0.75, 1), &mut gradient);
+        assert_close(&name("gradient"), &gradient, &case.gradient);
+    });
+}
+
+/// Rows of states with the actions that belong to them.
+fn join(states: &[f32], actions: &[f32], batch: usize) -> Vec<f32> {
+    let (width, components) = (states.len() / batch, actions.len() / batch);
+    let rows = states.chunks(width).zip(actions.chunks(components));
+    rows.flat_map(|(state, action)| [state, action].concat())
+        .collect()
+}
+
+/// Actions and log π of a policy in some states: [B × d] and [B].
+fn sample(
+    (sizes, parameters): (&[usize], &[f32]),
+    states: &[f32],
+    noise: &[f32],
+) -> (Vec<f32>, Vec<f32>, Vec<f32>, Activations) {
+    let policy = shape(sizes, Activation::Relu, false);
+    let mut activations = Activations::default();
+    let outputs = policy
+        .forward(parameters, states, &mut activations)
+        .to_vec();
+    let (mut actions, mut log_densities) = (Vec::new(), Vec::new());
+    squashed_gaussian::sample(&outputs, noise, &mut actions, &mut log_densities);
+    let rows = log_densities.chunks(policy.outputs() / 2);
+    let log_probs = rows.map(|row| row.iter().sum()).collect();
+    (outputs, actions, log_probs, activations)
+}
+
+/// A learned network plus β times a prior.
+struct ReferenceCritic<'a> {
+    network: Mlp,
+    parameters: &'a [f32],
+    prior: &'a [f32],
+    prior_scale: f32,
+}
+
+impl ReferenceCritic<'_> {
+    fn values(&self, inputs: &[f32]) -> Vec<f32> {
+        let evaluate = |parameters| {
+            let mut activations = Activations::default();
+            self.network
+                .forward(parameters, inputs, &mut activations)
+                .to_vec()
+        };
+        let values = evaluate(self.parameters).into_iter();
+        values
+            .zip(evaluate(self.prior))
+            .map(|(value, prior)| value + self.prior_scale * prior)
+            .collect()
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SoftCriticCase {
+    name: String,
+    normalized: bool,
+    prior_scale: f32,
+    regularization: f32,
+    alpha: f32,
+    policy_sizes: Vec<usize>,
+    policy: Vec<f32>,
+    sizes: Vec<usize>,
+    parameters: Vec<f32>,
+    start: Vec<f32>,
+    targets: Vec<Vec<f32>>,
+    priors: Vec<Vec<f32>>,
+    states: Vec<f32>,
+    next_states: Vec<f32>,
+    actions: Vec<f32>,
+    noise: Vec<f32>,
+    rewards: Vec<f32>,
+    discounts: Vec<f32>,
+    wanted: Vec<f64>,
+    value: f64,
+    gradient: Vec<f64>,
+}
+
+/// ½ mean (y − Q)² + ½ λ ‖θ − θ̂‖² for constant targets y.
+#[test]
+fn gradients_of_soft_critics_match_the_reference() {
+    check_cases(&reference().soft_critics, 2, |case| {
+        let batch = case.rewards.len();
+        let network = shape(&case.sizes, Activation::Relu, case.normalized);
+        let critic = |parameters, prior| ReferenceCritic {
+            network: network.clone(),
+            parameters,
+            prior,
+            prior_scale: case.prior_scale,
+        };
+        let policy = (&case.policy_sizes[..], &case.policy[..]);
+        let (_, actions, log_probs, _) = sample(policy, &case.next_states, &case.noise);
+        let inputs = join(&case.next_states, &actions, batch);
+        let pairs = case.targets.iter().zip(&case.priors);
+        let next_values: Vec<f32> = pairs
+            .flat_map(|(target, prior)| critic(target, prior).values(&inputs))
+            .collect();
+        let mut targets = Vec::new();
+        soft_actor_critic::targets(
+            &case.rewards,
+            &case.discounts,
+            &next_values,
+            &log_probs,
+            case.alpha,
+            &mut targets,
+        );
+        assert_close(&format!("{}: targets", case.name), &targets, &case.wanted);
+
+        let inputs = join(&case.states, &case.actions, batch);
+        let values = critic(&case.parameters, &case.priors[0]).values(&inputs);
+        let mut output_gradient = Vec::new();
+        let loss = soft_actor_critic::squared_error(&values, &targets, &mut output_gradient);
+        let mut gradient = vec![f32::NAN; network.parameter_count()];
+        let mut activations = Activations::default();
+        network.forward(&case.parameters, &inputs, &mut activations);
+        network.backward(
+            &case.parameters,
+            &inputs,
+            &mut activations,
+            &output_gradient,
+            &mut gradient,
+        );
+        let mut pull = 0.0;
+        let pairs = case.parameters.iter().zip(&case.start);
+        for (slope, (parameter, start)) in gradient.iter_mut().zip(pairs) {
+            *slope += case.regularization * (parameter - start);
+            pull += 0.5 * case.regularization * (parameter - start).powi(2);
+        }
+        assert_close(
+            &format!("{}: loss", case.name),
+            &[loss + pull],
+            &[case.value],
+        );
+        assert_gradient(&case.name, &network, &gradient, &case.gradient);
+    });
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SoftPolicyCase {
+    name: String,
+    combination: Combination,
+    normalized: bool,
+    prior_scale: f32,
+    alpha: f32,
+    target_entropy: f32,
+    policy_sizes: Vec<usize>,
+    policy: Vec<f32>,
+    sizes: Vec<usize>,
+    critics: Vec<Vec<f32>>,
+    priors: Vec<Vec<f32>>,
+    states: Vec<f32>,
+    noise: Vec<f32>,
+    value: f64,
+    gradient: Vec<f64>,
+    temperature_slope: f64,
+}
+
+/// mean(α log π(a|s) − Q(s, a)), through the critics to the parameters of the policy.
+#[test]
+fn gradients_of_soft_policies_match_the_reference() {
+    check_cases(&reference().soft_policies, 2, |case| {
+        let network = shape(&case.sizes, Activation::Relu, case.normalized);
+        let policy = (&case.policy_sizes[..], &case.policy[..]);
+        let (outputs, actions, log_probs, mut activations) =
+            sample(policy, &case.states, &case.noise);
+        let batch = log_probs.len();
+        let inputs = join(&case.states, &actions, batch);
+        let mut values = Vec::new();
+        for (parameters, prior) in case.critics.iter().zip(&case.priors) {
+            let critic = ReferenceCritic {
+                network: network.clone(),
+                parameters,
+                prior,
+                prior_scale: case.prior_scale,
+            };
+            values.extend(critic.values(&inputs));
+        }
+        let mut weights = Vec::new();
+        let value = soft_actor_critic::combine(&values, batch, case.combination, &mut weights);
+        let mean_log_prob = log_probs.iter().sum::<f32>() / batch as f32;
+        let objective = case.alpha * mean_log_prob - value;
+        assert_close(
+            &format!("{}: objective", case.name),
+            &[objective],
+            &[case.value],
+        );
+
+        let mut slopes = vec![0.0; actions.len()];
+        let columns = case.states.len() / batch..network.inputs();
+        let terms = case.critics.iter().zip(&case.priors);
+        for (weights, (critic, prior)) in weights.chunks_exact(batch).zip(terms) {
+            for (factor, parameters) in [(1.0, critic), (case.prior_scale, prior)] {
+                let mut activations = Activations::default();
+                network.forward(parameters, &inputs, &mut activations);
+                let part =
+                    network.input_gradient(parameters, &mut activations, weights, columns.clone());
+                for (slope, part) in slopes.iter_mut().zip(part) {
+                    *slope += factor * part;
+                }
+            }
+        }
+        let mut output_gradient = Vec::new();
+        squashed_gaussian::policy_gradient(
+            &outputs,
+            (&case.noise, &actions),
+            &slopes,
+            (case.alpha, batch),
+            &mut output_gradient,
+        );
+        let policy = shape(&case.policy_sizes, Activation::Relu, false);
+        let mut gradient = vec![f32::NAN; policy.parameter_count()];
+        policy.backward(
+            &case.policy,
+            &case.states,
+            &mut activations,
+            &output_gradient,
+            &mut gradient,
+        );
+        assert_gradient(&case.name, &policy, &gradient, &case.gradient);
+        let slope = soft_actor_critic::log_temperature_slope(&log_probs, case.target_entropy);
+        assert_close(
+            &format!("{}: temperature", case.name),
+            &[slope],
+            &[case.temperature_slope],
+        );
     });
 }
 

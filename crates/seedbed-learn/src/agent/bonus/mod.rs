@@ -7,6 +7,7 @@
 //! the others copy what it has learned. Formulas are in [`rl`](crate::rl).
 
 mod model;
+mod pairs;
 mod rnd;
 mod scale;
 mod team_entropy;
@@ -18,6 +19,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use self::model::BonusModel;
+pub(crate) use self::pairs::TransitionPairs;
 pub use self::rnd::Rnd;
 pub use self::scale::{BonusScale, ModelSharing};
 pub use self::team_entropy::TeamEntropy;

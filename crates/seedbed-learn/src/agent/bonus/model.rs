@@ -2,10 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Bonus, BonusScale, GainModel, ModelSharing, Steps, TrainingData};
+use super::{Bonus, BonusScale, GainModel, ModelSharing, Steps, TrainingData, TransitionPairs};
 use crate::agent::{AgentContext, PROBE_STEPS};
 use crate::cancellation::cancellation_point;
-use crate::experience::replay::Origin;
 use crate::experience::{Episode, Experience};
 use crate::nn::{MedianScale, Tensor};
 use seedbed_random::{Purpose, Stream, stream};
@@ -80,18 +79,16 @@ impl BonusModel {
     }
 
     /// Computes the bonuses of transitions from any episodes with the present model and scale.
-    /// `pairs` has transition i as step 2i; `origins` are the steps that the transitions were.
     pub(crate) fn compute_bonuses_of_pairs(
         &mut self,
-        pairs: &Episode,
-        origins: &[Origin],
+        pairs: &TransitionPairs,
         random: &mut Stream,
         bonuses: &mut Vec<f32>,
     ) {
         let steps = Steps {
-            episode: pairs,
+            episode: &pairs.episode,
             stride: 2,
-            origin: &|step| origins[step / 2],
+            origin: &|step| pairs.origins[step / 2],
         };
         self.model.compute_gains(&steps, random, bonuses);
         self.scale_gains(bonuses);

@@ -10,7 +10,7 @@ use crate::agent::network::Network;
 use crate::agent::network_info::{NetworkInfo, OutputTerm, ScalingInfo, setting_text};
 use crate::agent::policy::{self, ActionSelection};
 use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
-use crate::nn::AdamSettings;
+use crate::nn::{Activation, AdamSettings};
 use crate::scaling::ObservationScaling;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::TaskSpec;
@@ -339,6 +339,7 @@ impl AlgorithmConfig for SeedPg {
                 factor: 1.0,
                 skip_connection: false,
             }],
+            activation: Activation::Tanh,
             heads: policy::heads(task, self.initial_deviation.get_f32()),
             action_selection: setting_text(&*self.actions),
             observation_scaling: ScalingInfo::new(self.observations, "agent_{agent}."),

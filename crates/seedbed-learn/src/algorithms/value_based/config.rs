@@ -15,7 +15,7 @@ use crate::agent::policy::ActionSelection;
 use crate::algorithms::seed_pg::config::TimeLimit;
 use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
 use crate::experience::replay::Replay;
-use crate::nn::AdamSettings;
+use crate::nn::{Activation, AdamSettings};
 use crate::scaling::ObservationScaling;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
@@ -326,6 +326,10 @@ impl<T: ValueBased> AlgorithmConfig for T {
         Some(self.located_bonus())
     }
 
+    fn replay(&self) -> Option<&Located<Count<100_000_000>>> {
+        Some(&self.learning().replay)
+    }
+
     fn network_info(&self, task: &TaskSpec, agents: usize) -> Option<NetworkInfo> {
         let composition = self.compose(agents);
         let term = |network, factor| OutputTerm {
@@ -345,6 +349,7 @@ impl<T: ValueBased> AlgorithmConfig for T {
         Some(NetworkInfo {
             models: composition.index.is_none().then_some(models),
             outputs: terms.filter(|term| term.factor > 0.0).collect(),
+            activation: Activation::Tanh,
             heads: network_info::action_value_heads(task),
             action_selection: network_info::setting_text(&composition.exploration),
             observation_scaling: ScalingInfo::new(composition.learning.observations, ""),
@@ -387,9 +392,12 @@ fn check_parameters(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), V
             .hidden
             .error("has no layer; expected at least one, such as `hidden: [50, 50]`"));
     }
-    if learning.minibatch.get() > learning.replay.get() {
-        return Err(small_replay(learning));
-    }
+    check_replay(&learning.minibatch, &learning.replay)?;
+    check_bonus(bonus)
+}
+
+/// Checks that a bonus suits agents which share all transitions.
+pub(in crate::algorithms) fn check_bonus(bonus: &Located<Bonus>) -> Result<(), ValidationError> {
     if !bonus.can_be_frozen() && !bonus.has_shared_model() {
         return Err(bonus.error(format!(
             "value-based learners share all transitions, and `{}` has no model that could be frozen; expected \
@@ -406,18 +414,25 @@ fn check_parameters(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), V
     Ok(())
 }
 
-/// The error that no minibatch fits in the replay buffer, at the one of both that is in the file.
-fn small_replay(learning: &Learning) -> ValidationError {
-    let [minibatch, replay] = [learning.minibatch.get(), learning.replay.get()];
-    if learning.minibatch.has_place() {
-        return learning.minibatch.error(format!(
-            "is larger than `replay`, which is {replay}, so nothing would be learned; expected at most {replay}"
-        ));
+/// Checks that a minibatch fits in the replay buffer. The error is at the one of both that is in the
+/// file.
+pub(in crate::algorithms) fn check_replay<const BATCH: u32, const CAPACITY: u32>(
+    minibatch: &Located<Count<BATCH>>,
+    replay: &Located<Count<CAPACITY>>,
+) -> Result<(), ValidationError> {
+    let (count, capacity) = (minibatch.get(), replay.get());
+    if count <= capacity {
+        return Ok(());
     }
-    learning.replay.error(format!(
-        "is smaller than `minibatch`, which is {minibatch} by default, so nothing would be learned; expected at least \
-         {minibatch}"
-    ))
+    if minibatch.has_place() {
+        return Err(minibatch.error(format!(
+            "is larger than `replay`, which is {capacity}, so nothing would be learned; expected at most {capacity}"
+        )));
+    }
+    Err(replay.error(format!(
+        "is smaller than `minibatch`, which is {count} by default, so nothing would be learned; expected at least \
+         {count}"
+    )))
 }
 
 impl ValueBased for QLearning {

@@ -16,10 +16,9 @@ pub mod hyper_agent;
 pub mod index;
 #[cfg(test)]
 mod index_tests;
-mod local_models;
-mod minibatch;
+pub(super) mod minibatch;
 pub mod model;
-mod perturbation;
+pub(super) mod perturbation;
 #[cfg(test)]
 mod tests;
 
@@ -28,7 +27,6 @@ use serde::{Deserialize, Serialize};
 
 use self::config::{Composition, Learning, ModelAssignment};
 use self::exploration::Chooser;
-use self::local_models::LocalModels;
 use self::model::{LearningContext, ValueModel};
 use crate::agent::bonus::{Bonus, SHARED_OWNER};
 use crate::agent::{ActScratch, Update, UpdateReport, ValueScratch};
@@ -38,8 +36,8 @@ use crate::nn::{Mlp, Standardizer, Tensor};
 use crate::rl::index_conditioned;
 use crate::scaling::Scaling;
 use crate::team::{
-    ActionRequest, AgentUpdate, LearningRequest, LearningTiming, SavedTeam, Team, TeamContext,
-    Workers,
+    ActionRequest, AgentUpdate, LearningClock, LearningRequest, LocalModels, SavedTeam, Team,
+    TeamContext, Workers, mean_bonus, update_bonus_models,
 };
 use seedbed_env::{Choice, TaskSpec};
 use seedbed_random::{Purpose, stream};
@@ -65,14 +63,7 @@ pub struct ValueTeam {
     /// Agents that act by each model in this round, in agent order: `[models]`.
     followers: Vec<Vec<usize>>,
     replay: Replay,
-    /// Number of steps of each agent so far.
-    steps: u64,
-    /// Number of steps of each agent in this round so far.
-    steps_of_round: u32,
-    /// Number of the team's transitions since it learned, with
-    /// [`LearningTiming::EveryTransitions`].
-    new_transitions: u32,
-    timing: LearningTiming,
+    clock: LearningClock,
     /// Bonuses of each agent's own steps in the latest round, by episode: `[K]`; empty if the team
     /// has no bonus.
     own_bonuses: Vec<Vec<StepData>>,
@@ -114,6 +105,8 @@ impl ValueTeam {
         };
         let agents = context.config.count.get() as usize;
         let has_bonus = composition.bonus != Bonus::None;
+        // Models may be drawn for agents of other processes, and the bonus model of one may be copied.
+        let all_learn = has_bonus || composition.assignment != ModelAssignment::Fixed;
         let mut team = Self {
             run_seed: context.run_seed,
             choices,
@@ -122,16 +115,13 @@ impl ValueTeam {
             round: 0,
             scaling: Scaling::new(learning.observations, spec),
             models: (0..composition.models as u32).map(model).collect(),
-            local: LocalModels::new(&composition, context),
+            local: LocalModels::new(composition.models, all_learn, context),
             model_of_agent: (0..agents)
                 .map(|agent| agent % composition.models)
                 .collect(),
             followers: vec![Vec::new(); composition.models],
             replay: Replay::new(learning.replay.get() as usize, spec.into()),
-            steps: 0,
-            steps_of_round: 0,
-            new_transitions: 0,
-            timing: context.timing,
+            clock: LearningClock::new(context.timing, agents),
             own_bonuses: vec![Vec::new(); if has_bonus { agents } else { 0 }],
             composition,
         };
@@ -179,21 +169,6 @@ impl ValueTeam {
                     *model = draw(agent);
                 }
             }
-        }
-    }
-
-    /// Number of times that models learn after the step that has just been added.
-    fn count_due_updates(&mut self) -> u32 {
-        match self.timing {
-            LearningTiming::EverySteps(count) => {
-                u32::from(self.steps_of_round.is_multiple_of(count))
-            }
-            LearningTiming::EveryTransitions(count) => {
-                let due = self.new_transitions / count;
-                self.new_transitions %= count;
-                due
-            }
-            LearningTiming::AfterEpisodes => 0,
         }
     }
 
@@ -255,7 +230,7 @@ impl ValueTeam {
             scaling: &self.scaling,
             agents: self.model_of_agent.len(),
             choices: self.choices,
-            steps: self.steps,
+            steps: self.clock.steps,
         };
         let local = &self.local;
         workers.for_each(&mut self.models, |model| {
@@ -271,32 +246,14 @@ impl ValueTeam {
         own.clone().zip(&self.models[own.clone()])
     }
 
-    /// Every model computes the bonuses of its followers' new episodes; then its bonus model
-    /// learns from all new episodes.
+    /// Bonuses of the new episodes; then bonus models learn.
     fn update_bonus_models(&mut self, experience: &Experience<'_>, workers: Workers<'_>) {
-        let mut own_episodes: Vec<Vec<usize>> = vec![Vec::new(); self.models.len()];
-        for (index, episode) in experience.new_episodes.iter().enumerate() {
-            own_episodes[self.model_of_agent[episode.agent as usize]].push(index);
+        let (models, model_of_agent) = (&mut self.models, &self.model_of_agent);
+        let update = update_bonus_models(models, model_of_agent, experience, workers);
+        for (model, error) in models.iter_mut().zip(update.prediction_errors) {
+            model.set_prediction_error(error);
         }
-        let models: Vec<(&mut ValueModel, Vec<usize>)> =
-            self.models.iter_mut().zip(own_episodes).collect();
-        let bonuses = workers.map(models, |(model, own_episodes)| {
-            let mut bonuses = Vec::new();
-            model.update_bonus_model(experience, &own_episodes, &mut bonuses);
-            bonuses
-        });
-        if let Some((first, others)) = self.models.split_first_mut() {
-            workers.for_each(others, |model| model.copy_shared_bonus_model(first));
-        }
-        self.own_bonuses.iter_mut().for_each(Vec::clear);
-        for (index, episode) in experience.new_episodes.iter().enumerate() {
-            let agent = episode.agent as usize;
-            let bonuses_of_model = &bonuses[self.model_of_agent[agent]];
-            self.own_bonuses[agent].push(StepData {
-                intrinsic_rewards: bonuses_of_model.get(index).cloned().unwrap_or_default(),
-                ..StepData::empty_for(episode)
-            });
-        }
+        self.own_bonuses = update.own_bonuses;
     }
 
     /// The indices of the local agents, and the networks that they act by; none if values depend on
@@ -320,8 +277,6 @@ impl ValueTeam {
     fn agent_update(&self, agent: usize) -> AgentUpdate {
         let model = &self.models[self.model_of_agent[agent]];
         let step_data = self.own_bonuses.get(agent).cloned().unwrap_or_default();
-        let bonuses = || step_data.iter().flat_map(|data| &data.intrinsic_rewards);
-        let (steps, sum) = (bonuses().count(), bonuses().sum::<f32>());
         // All models take the same number of steps, here or in another process.
         let steps_of_model = model.report().gradient_steps.unwrap_or(0);
         let gradient_steps = if agent == 0 {
@@ -331,7 +286,7 @@ impl ValueTeam {
         };
         let report = UpdateReport {
             gradient_steps: Some(gradient_steps),
-            intrinsic_reward: (steps > 0).then(|| sum / steps as f32),
+            intrinsic_reward: mean_bonus(&step_data),
             ..model.report()
         };
         AgentUpdate {
@@ -354,7 +309,7 @@ impl Team for ValueTeam {
         self.draw_models(round);
         self.draw_indices(round);
         self.list_followers();
-        self.steps_of_round = 0;
+        self.clock.begin_round();
     }
 
     fn act(&self, request: &mut ActionRequest<'_>, scratch: &mut ActScratch) {
@@ -362,7 +317,7 @@ impl Team for ValueTeam {
         let (observations, playing) = (request.observations, request.playing);
         self.evaluate(request.first_agent, observations, playing, buffers);
         let exploration = &self.composition.exploration;
-        let steps = self.steps + u64::from(request.unreported_steps);
+        let steps = self.clock.steps + u64::from(request.unreported_steps);
         let rows = buffers.values.chunks_exact_mut(self.choices);
         for (row, values) in rows.enumerate() {
             if request.playing[row] {
@@ -380,27 +335,16 @@ impl Team for ValueTeam {
     }
 
     fn transition_interval(&self) -> Option<u32> {
-        match self.timing {
-            LearningTiming::EverySteps(count) => Some(count - self.steps_of_round % count),
-            LearningTiming::EveryTransitions(count) => {
-                let transitions_per_step = self.model_of_agent.len() as u32;
-                Some((count - self.new_transitions).div_ceil(transitions_per_step))
-            }
-            LearningTiming::AfterEpisodes => Some(u32::MAX),
-        }
+        Some(self.clock.transition_interval())
     }
 
     fn add_transition(&mut self, episode: &Episode, step: usize) {
         self.replay.push(episode, step);
-        if matches!(self.timing, LearningTiming::EveryTransitions(_)) {
-            self.new_transitions += 1;
-        }
+        self.clock.add_transition();
     }
 
     fn end_step(&mut self, workers: Workers<'_>) {
-        self.steps += 1;
-        self.steps_of_round += 1;
-        for _ in 0..self.count_due_updates() {
+        for _ in 0..self.clock.end_step() {
             self.learn_from_replay(workers);
         }
     }
@@ -415,7 +359,7 @@ impl Team for ValueTeam {
             all_episodes: request.episodes,
             earlier_updates: first.earlier_updates,
         };
-        if self.timing == LearningTiming::AfterEpisodes {
+        if self.clock.learns_after_episodes() {
             self.learn_from_replay(workers);
         }
         if !self.own_bonuses.is_empty() {
@@ -474,8 +418,8 @@ impl Team for ValueTeam {
     fn save(&self) -> SavedTeam {
         let saved = Saved {
             observations: self.scaling.learned(),
-            steps: self.steps,
-            new_transitions: self.new_transitions,
+            steps: self.clock.steps,
+            new_transitions: self.clock.new_transitions,
         };
         let mut shared = postcard::to_stdvec(&saved).expect("plain data always serializes");
         if self.composition.index.is_some() {
@@ -499,7 +443,7 @@ impl Team for ValueTeam {
             model.restore(bytes)?;
         }
         self.scaling.restore(saved.observations)?;
-        (self.steps, self.new_transitions) = (saved.steps, saved.new_transitions);
+        (self.clock.steps, self.clock.new_transitions) = (saved.steps, saved.new_transitions);
         self.restore_indices(rest)
     }
 }

@@ -12,12 +12,13 @@ use crate::agent::bonus::BonusModel;
 use crate::agent::network::{Descent, LearnedState, Network};
 use crate::agent::{AgentContext, UpdateReport, ValueBuffers};
 use crate::cancellation::cancellation_point;
+use crate::experience::Episode;
 use crate::experience::replay::Replay;
-use crate::experience::{Episode, Experience};
 use crate::math;
 use crate::nn::{Activations, Initial, Mlp, Tensor, network_tensors};
 use crate::rl::{categorical, q_learning};
 use crate::scaling::Scaling;
+use crate::team::HasBonusModel;
 use seedbed_input::numbers::Positive;
 use seedbed_random::{Purpose, Stream, stream};
 
@@ -360,11 +361,10 @@ impl ValueModel {
         let Workspace {
             minibatch, bonuses, ..
         } = &mut self.work;
-        let (Some(bonus_model), Some(pairs)) = (&mut self.bonus_model, minibatch.pairs()) else {
+        let (Some(bonus_model), Some(pairs)) = (&mut self.bonus_model, &minibatch.pairs) else {
             return;
         };
-        let origins = &minibatch.origins;
-        bonus_model.compute_bonuses_of_pairs(pairs, origins, &mut self.random, bonuses);
+        bonus_model.compute_bonuses_of_pairs(pairs, &mut self.random, bonuses);
         for (reward, bonus) in minibatch.rewards.iter_mut().zip(bonuses) {
             *reward += *bonus;
         }
@@ -428,29 +428,9 @@ impl ValueModel {
         self.totals.entropy += f64::from(categorical::entropy(row, probabilities));
     }
 
-    /// Computes the bonuses of the followers' episodes, whose indices among the new episodes are
-    /// `own_episodes`; then trains the bonus model on all new episodes, unless it is a copy of the
-    /// first model's.
-    pub fn update_bonus_model(
-        &mut self,
-        experience: &Experience<'_>,
-        own_episodes: &[usize],
-        bonuses: &mut Vec<Vec<f32>>,
-    ) {
-        if let Some(bonus_model) = &mut self.bonus_model {
-            bonus_model.compute_own_bonuses(experience, own_episodes, bonuses);
-            self.totals.prediction_error = bonus_model.learn(experience);
-        }
-    }
-
-    /// Copies the bonus model of the first model, if the team shares it.
-    pub(super) fn copy_shared_bonus_model(&mut self, first: &Self) {
-        if let (Some(bonus_model), Some(trained)) = (&mut self.bonus_model, &first.bonus_model)
-            && trained.is_shared()
-        {
-            bonus_model.copy_learned(trained);
-            self.totals.prediction_error = first.totals.prediction_error;
-        }
+    /// Notes the error of the bonus model before it learned in this round.
+    pub(super) fn set_prediction_error(&mut self, error: Option<f32>) {
+        self.totals.prediction_error = error;
     }
 
     /// Unscaled bonuses of steps evenly spread over an episode; empty without a bonus.
@@ -547,6 +527,16 @@ impl ValueModel {
             (None, None) => Ok(()),
             _ => Err("the checkpoint is of a run with another `bonus`".to_owned()),
         }
+    }
+}
+
+impl HasBonusModel for ValueModel {
+    fn bonus_model(&self) -> Option<&BonusModel> {
+        self.bonus_model.as_ref()
+    }
+
+    fn bonus_model_mut(&mut self) -> Option<&mut BonusModel> {
+        self.bonus_model.as_mut()
     }
 }
 

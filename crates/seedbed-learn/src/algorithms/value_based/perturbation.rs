@@ -14,18 +14,18 @@ use seedbed_random::{Purpose, transition_stream};
 
 /// How one model perturbs transitions.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Perturbation {
-    pub(super) run_seed: u64,
-    pub(super) model: u32,
+pub(in crate::algorithms) struct Perturbation {
+    pub(in crate::algorithms) run_seed: u64,
+    pub(in crate::algorithms) model: u32,
     /// Distribution of z; none if rewards are not perturbed.
-    pub(super) seed_distribution: Option<RewardSeeds>,
+    pub(in crate::algorithms) seed_distribution: Option<RewardSeeds>,
     /// Share of transitions that the model learns from.
-    pub(super) mask: f32,
+    pub(in crate::algorithms) mask: f32,
 }
 
 impl Perturbation {
     /// Reward seed z of a transition, in units of reward.
-    pub(super) fn reward_seed(&self, origin: Origin) -> f32 {
+    pub(in crate::algorithms) fn reward_seed(&self, origin: Origin) -> f32 {
         let Some(distribution) = self.seed_distribution else {
             return 0.0;
         };

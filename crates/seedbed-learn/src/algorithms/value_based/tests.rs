@@ -5,6 +5,7 @@ use super::*;
 use crate::agent::TeamConfig;
 use crate::scaling::ObservationScaling;
 use crate::seed::{RewardSeeds, SameInitial};
+use crate::team::LearningTiming;
 use seedbed_env::{Action, Quantity, Status};
 use seedbed_input::numbers::{ranged_count, ranged_number};
 
@@ -407,30 +408,6 @@ fn a_task_must_have_one_discrete_action() {
         choice_count(&two_actions),
         Err("`chain` has 2 actions per step".to_owned())
     );
-}
-
-/// With an update per 3 transitions, a team of two learns after its second step (4 transitions),
-/// its third (6), and twice after 7 more transitions.
-#[test]
-fn updates_per_transition_of_the_team_carry_over() {
-    let config = QLearning {
-        learning: learning(),
-        ..QLearning::default()
-    };
-    let mut team = team(config.compose(2), 2, 0.0);
-    team.timing = LearningTiming::EveryTransitions(3);
-    team.new_transitions = 0;
-    let mut due_after = |transitions: u32| {
-        for _ in 0..transitions {
-            team.add_transition(&one_step_episode(0, 0, 0), 0);
-        }
-        let due = team.count_due_updates();
-        (due, team.transition_interval())
-    };
-    assert_eq!(due_after(2), (0, Some(1)));
-    assert_eq!(due_after(2), (1, Some(1)));
-    assert_eq!(due_after(2), (1, Some(2)));
-    assert_eq!(due_after(7), (2, Some(1)));
 }
 
 #[test]

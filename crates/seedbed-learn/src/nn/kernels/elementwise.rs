@@ -1,4 +1,4 @@
-//! Elementwise operations: tanh, its derivative, and steps of Adam.
+//! Elementwise operations: activation functions, their derivatives, and steps of parameters.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -11,6 +11,23 @@ pub(in crate::nn) fn tanh_in_place(y: &mut [f32]) {
 pub(in crate::nn) fn tanh_gradient_in_place(y: &[f32], dy: &mut [f32]) {
     assert_eq!(y.len(), dy.len());
     Arch::new().dispatch(TanhGradientInPlace { y, dy });
+}
+
+/// y ← max(0, y).
+pub(in crate::nn) fn relu_in_place(y: &mut [f32]) {
+    Arch::new().dispatch(ReluInPlace(y));
+}
+
+/// ∂L/∂x ← ∂L/∂y where y > 0, and 0 elsewhere, for y = max(0, x).
+pub(in crate::nn) fn relu_gradient_in_place(y: &[f32], dy: &mut [f32]) {
+    assert_eq!(y.len(), dy.len());
+    Arch::new().dispatch(ReluGradientInPlace { y, dy });
+}
+
+/// x ← x + share · (target − x).
+pub(crate) fn move_towards(target: &[f32], share: f32, x: &mut [f32]) {
+    assert_eq!(target.len(), x.len());
+    Arch::new().dispatch(MoveTowards { target, share, x });
 }
 
 /// One step of Adam on `parameters`; all slices have the same length.
@@ -67,6 +84,53 @@ impl WithSimd for TanhGradientInPlace<'_> {
             .iter_mut()
             .zip(self.y)
             .for_each(|(dy, y)| *dy *= (-y).mul_add(*y, 1.0));
+    }
+}
+
+struct ReluInPlace<'a>(&'a mut [f32]);
+
+impl WithSimd for ReluInPlace<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        // Numbers that are not finite must stay visible.
+        self.0
+            .iter_mut()
+            .for_each(|y| *y = if *y < 0.0 { 0.0 } else { *y });
+    }
+}
+
+struct ReluGradientInPlace<'a> {
+    y: &'a [f32],
+    dy: &'a mut [f32],
+}
+
+impl WithSimd for ReluGradientInPlace<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (dy, y) in self.dy.iter_mut().zip(self.y) {
+            *dy = if *y > 0.0 { *dy } else { 0.0 };
+        }
+    }
+}
+
+struct MoveTowards<'a> {
+    target: &'a [f32],
+    share: f32,
+    x: &'a mut [f32],
+}
+
+impl WithSimd for MoveTowards<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (x, target) in self.x.iter_mut().zip(self.target) {
+            *x = self.share.mul_add(target - *x, *x);
+        }
     }
 }
 

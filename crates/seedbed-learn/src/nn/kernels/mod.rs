@@ -10,12 +10,17 @@
 )]
 
 mod elementwise;
+mod normalization;
 mod products;
 mod transpose;
 
 use pulp::Arch;
 
-pub(super) use elementwise::{AdamStep, tanh_gradient_in_place, tanh_in_place};
+pub(crate) use elementwise::move_towards;
+pub(super) use elementwise::{
+    AdamStep, relu_gradient_in_place, relu_in_place, tanh_gradient_in_place, tanh_in_place,
+};
+pub(super) use normalization::{normalization_gradient, normalize_rows, normalize_rows_gradient};
 pub(super) use products::Scratch;
 use products::{Affine, BiasGradient, InputGradient, WeightGradient};
 

@@ -7,6 +7,7 @@ use crate::agent::TeamConfig;
 use crate::agent::bonus::{Bonus, BonusScale, TeamEntropy};
 use crate::algorithms::value_based::config::{Learning, QLearning, ValueBased};
 use crate::algorithms::value_based::tests::spec;
+use crate::experience::Experience;
 use crate::experience::replay::Origin;
 use seedbed_env::Status;
 use seedbed_input::numbers::{ranged_count, ranged_number};
@@ -87,8 +88,9 @@ impl Learner {
         };
         self.rounds += 1;
         let (own, mut bonuses) = ((0..episodes.len()).collect::<Vec<_>>(), Vec::new());
-        self.model
-            .update_bonus_model(&experience, &own, &mut bonuses);
+        let bonus_model = self.model.bonus_model.as_mut().unwrap();
+        bonus_model.compute_own_bonuses(&experience, &own, &mut bonuses);
+        bonus_model.learn(&experience);
         bonuses
     }
 
@@ -106,7 +108,7 @@ impl Learner {
         self.model.add_bonuses();
         let minibatch = &self.model.work.minibatch;
         let states = minibatch.next_states.chunks_exact(3).map(<[f32]>::to_vec);
-        let origins = minibatch.origins.iter().copied();
+        let origins = minibatch.pairs.as_ref().unwrap().origins().iter().copied();
         let bonuses = minibatch.rewards.iter().copied();
         let rows = origins.zip(states).zip(bonuses);
         rows.map(|((origin, state), bonus)| (origin, state, bonus))
