@@ -92,8 +92,9 @@ fn new_task(args: &NewArgs) -> Result<NewFile, CliError> {
     };
     let id = id_from(&folder, id);
     // Paths that begin with `..` lead nowhere from a directory that does not exist.
-    fs::create_dir_all(&folder)
-        .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", folder.display())))?;
+    fs::create_dir_all(&folder).map_err(|error| {
+        CliError::Runtime(format!("cannot write {}: {error}", folder.display()))
+    })?;
     let parse = |settings: &str| {
         let text = format!("Gymnasium(id: {id:?}{settings})\n");
         gymnasium::parse(&args.name, "--env", &folder, &text)
