@@ -31,6 +31,7 @@ use crate::scenario::recording::RecordingSettings;
 use crate::scenario::{Scenario, Schedule, TaskReference};
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
+use seedbed_env::gymnasium::check_start;
 use seedbed_input::numbers::{ranged_count, ranged_number};
 use seedbed_input::{Located, limits};
 use seedbed_settings::Settings;
@@ -96,7 +97,7 @@ impl Experiment for Plan {
 
     fn check_start(&self) -> Result<(), RunError> {
         match self.description.gymnasium() {
-            Some(task) => Ok(task.check_start().map_err(RoundFailure::from)?),
+            Some(task) => Ok(check_start(task).map_err(RoundFailure::from)?),
             None => Ok(()),
         }
     }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use super::failure::EnvironmentFailure;
+use super::failure::{EnvironmentFailure, catch_failure};
 use super::messages::{Configuration, Request, answer, read_floats};
 use super::task::GymnasiumTask;
 use super::worker::Worker;
@@ -300,6 +300,14 @@ impl GymnasiumEnvironment {
             }
         }
     }
+}
+
+/// Starts one copy, to see whether runs can begin.
+///
+/// # Errors
+/// The environment cannot be made, or is another one than when the task was read.
+pub fn check_start(task: &GymnasiumTask) -> Result<(), EnvironmentFailure> {
+    catch_failure(|| GymnasiumEnvironment::new(task, 1, 1).start_workers())
 }
 
 /// Starts one worker for each range of copies. All make their copies at the same time.

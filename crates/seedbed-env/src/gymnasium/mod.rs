@@ -28,6 +28,7 @@ mod worker_error;
 #[cfg(not(unix))]
 use self::no_worker as worker;
 
+pub use self::environment::check_start;
 pub use self::failure::{EnvironmentFailure, catch_failure};
 pub use self::file::{DiscreteObservations, GymnasiumFile, is_complete};
 pub use self::found::{Found, FoundAction, FoundObservation};

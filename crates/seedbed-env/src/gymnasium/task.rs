@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use super::environment::GymnasiumEnvironment;
-use super::failure::{EnvironmentFailure, catch_failure};
+use super::failure::EnvironmentFailure;
 use super::file::{DiscreteObservations, GymnasiumFile};
 use super::found::{Found, FoundAction};
 use super::messages::{Configuration, Description, Probe, ProbeRequest, Request};
@@ -16,7 +15,7 @@ use super::worker_error::WorkerError;
 use crate::{Action, Quantity, TaskSpec};
 use seedbed_input::edit::to_ron_string;
 use seedbed_input::numbers::{Count, FiniteNumber};
-use seedbed_input::{InputError, Located, ValidationError, nearest_name};
+use seedbed_input::{InputError, Located, ValidationError, limits, nearest_name};
 use seedbed_settings::sha256;
 
 /// A task of Gymnasium.
@@ -34,6 +33,9 @@ pub struct GymnasiumTask {
 
 /// Help for environments that say no time limit.
 pub const ADD_TIME_LIMIT: &str = "add `time_limit: 1000`";
+
+/// Maximum size of a Python file, in bytes.
+const MAX_SOURCE_BYTES: u64 = 1 << 24;
 
 /// How many episodes of a probe are played twice.
 const REPEATED_EPISODES: u32 = 3;
@@ -146,14 +148,6 @@ impl GymnasiumTask {
         }))
     }
 
-    /// Starts one copy, to see whether runs can begin.
-    ///
-    /// # Errors
-    /// The environment cannot be made, or is another one than when the task was read.
-    pub fn check_start(&self) -> Result<(), EnvironmentFailure> {
-        catch_failure(|| GymnasiumEnvironment::new(self, 1, 1).start_workers())
-    }
-
     /// Number of worker processes for `copies` copies on `threads` threads.
     pub(crate) fn worker_count(&self, copies: usize, threads: usize) -> usize {
         let asked = self.file.workers.map(|count| count.get() as usize);
@@ -215,8 +209,8 @@ fn check_source(file: &GymnasiumFile, found: &Found, folder: &Path) -> Result<()
         return Ok(());
     };
     // A file that cannot be read is reported when the environment is made.
-    let source = std::fs::read(folder.join(path)).ok();
-    if source.is_none_or(|source| sha256(&source) == *expected) {
+    let source = limits::read_text(&folder.join(path), MAX_SOURCE_BYTES).ok();
+    if source.is_none_or(|source| sha256(source.as_bytes()) == *expected) {
         return Ok(());
     }
     let message = format!("`{}` has changed since `found` was written", path.display());
