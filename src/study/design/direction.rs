@@ -131,6 +131,9 @@ const RULES: [(ClaimDirection, Rule); 5] = [
 
 impl ClaimDirection {
     /// Its name in study files and locks, such as `More`.
+    ///
+    /// # Panics
+    /// Never: a variant without fields always serializes.
     #[must_use]
     pub fn name(self) -> String {
         ron::to_string(&self).expect("plain data always serializes")

@@ -20,10 +20,11 @@ use seedbed_env::Quantity;
 /// The source of runs in a study file, as results call it, and the runs.
 type NamedSource = (String, Arc<dyn RunSource>);
 
-/// Kinds of named cells that have no scenario. Each function gets the folder of the study file, and returns `None` if a
-/// cell is of another kind.
-const KINDS: [fn(&Path, &Study, &NamedCell) -> Result<Option<NamedSource>, Problem>; 1] =
-    [found::of_named_cell];
+/// Reads a named cell of one kind. It gets the folder of the study file, and returns `None` if the cell is of another kind.
+type ReadKind = fn(&Path, &Study, &NamedCell) -> Result<Option<NamedSource>, Problem>;
+
+/// Kinds of named cells that have no scenario.
+const KINDS: [ReadKind; 1] = [found::of_named_cell];
 
 /// The runs of a named cell; `None` if they are those of a scenario.
 pub(super) fn of_named_cell(
