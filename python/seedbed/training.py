@@ -33,6 +33,7 @@ AlgorithmName: TypeAlias = Literal[
     "SeedTd",
     "BootstrappedDqn",
     "HyperAgent",
+    "SeedSac",
     "SeedPsrl",
     "CrossEntropy",
     "Random",
