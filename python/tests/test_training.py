@@ -19,11 +19,12 @@ from typing import Any, get_args
 import gymnasium
 import numpy as np
 import pytest
-from conftest import REPOSITORY
 from gymnasium import spaces
 
 import seedbed
 from seedbed.training import AlgorithmName
+
+REPOSITORY = Path(__file__).parents[2]
 
 
 @pytest.fixture(autouse=True)
