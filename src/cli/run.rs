@@ -132,12 +132,13 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
             server.address()
         );
     }
+    // Before anything is shown: whoever sees it may stop the run.
+    let stop_requests = StopRequests::listen("stopping, at the latest after this round");
     if let (Some(note), false) = (experiment.round_cost_note(), args.quiet) {
         note!("note       {note}");
     }
     let (started, waited_before) = (Instant::now(), time_waited());
     let mut observer = observer(args, &*experiment, &options.folder)?;
-    let stop_requests = StopRequests::listen("stopping, at the latest after this round");
     let recorder_factory = run_recorder_factory(args, &options.folder, live);
     let interrupted = stop_requests.flag();
     let ending = experiment.run_in_folder(&options, recorder_factory, &mut observer, interrupted);

@@ -2,9 +2,8 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::execution::LOCK_IS_INTACT;
 use seedbed::experiment::MeasuredRound;
 use seedbed::export::live_curves::LiveCurves;
 use seedbed::run::Observer;
@@ -35,17 +34,21 @@ impl StudyCurves {
     /// Adds a round of a run.
     pub(super) fn add(&self, round: &MeasuredRound<'_>) {
         let key = (round.digest.to_owned(), round.run_seed);
-        let mut runs = self.runs.lock().expect(LOCK_IS_INTACT);
+        let mut runs = self.runs_of_now();
         let curves = runs.entry(key).or_insert_with(|| self.begin(round));
         if let Some(curves) = curves {
             curves.round_finished(round.progress, round.rows);
         }
     }
 
+    fn runs_of_now(&self) -> MutexGuard<'_, HashMap<Key, Option<LiveCurves>>> {
+        self.runs.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Writes what waits of a run that has ended.
     pub(super) fn end(&self, run: &PlannedRun<'_>) {
         let key = (run.cell.digest.clone(), run.run_seed);
-        self.runs.lock().expect(LOCK_IS_INTACT).remove(&key);
+        self.runs_of_now().remove(&key);
     }
 
     /// Begins the curves of a run with its first round of this process, or continues them. `None` if that

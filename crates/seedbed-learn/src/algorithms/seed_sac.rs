@@ -19,6 +19,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use self::config::{SeedSac, Temperature};
+pub use self::team::SoftTeam;
 use super::value_based::minibatch::discount_after;
 use super::value_based::perturbation::Perturbation;
 use crate::agent::bonus::{BonusModel, TransitionPairs};

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::team::SoftTeam;
+use super::SoftTeam;
 use crate::agent::TeamConfig;
 use crate::agent::bonus::Bonus;
 use crate::agent::critic::Critic;
