@@ -105,7 +105,8 @@ def _pickled_text(function: Callable[..., Any], name: str) -> str:
 def _pickled(function: Callable[..., Any]) -> bytes:
     import cloudpickle
 
-    module = sys.modules.get(getattr(function, "__module__", None) or "")
+    inner = function.func if isinstance(function, functools.partial) else function
+    module = sys.modules.get(getattr(inner, "__module__", None) or "")
     is_hidden = module is not None and module.__name__ != "__main__" and not _is_importable(module)
     if is_hidden:
         cloudpickle.register_pickle_by_value(module)

@@ -182,7 +182,7 @@ def test_recorders_pass_options_on(tmp_path: Path):
 
 def test_unknown_keywords_are_refused():
     for make in (lambda: seedbed.make("cartpole", threads=2), lambda: seedbed.make("cartpole", 2, frame_skip=2)):
-        with pytest.raises(TypeError, match="unexpected keyword argument"):
+        with pytest.raises(TypeError, match="unexpected keyword argument|threads is an argument of vector environments"):
             make()
     with pytest.raises(TypeError, match="unexpected keyword argument"):
         seedbed.parallel_env("cartpole", autoreset_mode="NextStep")
