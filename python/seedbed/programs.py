@@ -57,11 +57,12 @@ def follow(
     Raises:
         RunError: The program failed. The message is its own, without `error: `.
     """
+    line = _line(arguments)  # it also names this Python in the environment
     environment = os.environ.copy()
     if python_path:
         environment["PYTHONPATH"] = os.pathsep.join(python_path)
     process = subprocess.Popen(
-        _line(arguments),
+        line,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
