@@ -2,7 +2,7 @@
 //! returns, from the first episode to the last.
 //!
 //! Motion is either recorded bodies or, in environments of Gymnasium, pictures that the environment
-//! draws while recorded episodes are played again ([`pictures`]). [`Film::new`] chooses the episodes,
+//! draws while recorded episodes are played again. [`Film::new`] chooses the episodes,
 //! [`Film::frame`] arranges one frame, [`gif`] encodes frames.
 
 mod bodies;

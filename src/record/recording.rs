@@ -154,6 +154,12 @@ impl Recording {
         match *self {}
     }
 
+    /// What is recorded beside the observations, in order.
+    #[must_use]
+    pub fn info(&self) -> &[Quantity] {
+        match *self {}
+    }
+
     /// Number of steps after which episodes are truncated.
     #[must_use]
     pub fn time_limit(&self) -> u32 {

@@ -7,7 +7,7 @@
 //! transitions, by fixed random networks that are added to critics (randomized priors, Osband, Aslanides
 //! & Cassirer 2018), and by the targets of their policies' entropies.
 //!
-//! This file is the learner; [`update`](SoftLearner::update) is a gradient step. [`config`] has the
+//! This file is the learner; `SoftLearner::update` is a gradient step. [`config`] has the
 //! parameters, and [`team`] the agents with their replay buffer. Formulas are in [`rl`](crate::rl).
 
 pub mod config;
