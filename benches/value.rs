@@ -28,6 +28,7 @@ fn acting(criterion: &mut Criterion) {
         let plan = RoundPlan {
             run_seed: 0,
             round: 0,
+            first_episode: 0,
             episodes: 1,
             scene: None,
         };

@@ -99,7 +99,7 @@ fn new_task(args: &NewArgs) -> Result<NewFile, CliError> {
         let text = format!("Gymnasium(id: {id:?}{settings})\n");
         gymnasium::parse(&args.name, "--env", &folder, &text)
     };
-    let (_, text) = match parse("") {
+    let (task, _) = match parse("") {
         Err(error) if error.help.as_deref() == Some(ADD_TIME_LIMIT) => {
             note!(
                 "note       the environment says no time limit: change `time_limit: 1000` if its episodes may be longer"
@@ -108,11 +108,9 @@ fn new_task(args: &NewArgs) -> Result<NewFile, CliError> {
         }
         parsed => parsed?,
     };
-    // The text of a task has its Python file beside it, as in the directory of a run.
-    let beside = id.rsplit(['/', '\\']).next().unwrap_or_default();
     Ok(NewFile {
         path: folder.join(format!("{}.ron", args.name)),
-        text: text.replacen(&format!("id: {beside:?}"), &format!("id: {id:?}"), 1),
+        text: task.text_with_path(),
     })
 }
 

@@ -71,15 +71,6 @@ pub(super) fn load_trained(
     Ok((plan, trainer))
 }
 
-/// The failure with the number that people know instead of that of the round.
-fn with_number(mut failure: RoundFailure, round: u32, number: u32) -> RoundFailure {
-    if let RoundFailure::Environment(failure) = &mut failure {
-        let [internal, known] = [round, number].map(|episode| format!("episode {episode}"));
-        failure.place = failure.place.replace(&internal, &known);
-    }
-    failure
-}
-
 /// Plays episode `number` of every agent. The random streams are those of a round number that
 /// training never reaches.
 ///
@@ -94,16 +85,13 @@ pub(super) fn play_episode(
     let plan = RoundPlan {
         run_seed: settings.seed,
         round: u32::MAX - number,
+        first_episode: number,
         episodes: 1,
         scene,
     };
-    let played = trainer.play_without_learning(&plan);
-    let mut played = played.map_err(|failure| with_number(failure, plan.round, number))?;
+    let mut played = trainer.play_without_learning(&plan)?;
     for episode in &mut played.episodes {
-        (episode.episode, episode.round) = (number, number);
-    }
-    for trajectory in &mut played.details {
-        trajectory.episode = number;
+        episode.round = number;
     }
     Ok(played)
 }

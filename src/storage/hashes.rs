@@ -7,10 +7,7 @@ use sha2::{Digest, Sha256};
 
 use seedbed_input::limits::open_regular;
 
-/// The SHA-256 of bytes.
-pub(crate) fn sha256(bytes: impl AsRef<[u8]>) -> String {
-    format!("{:x}", Sha256::digest(bytes))
-}
+pub(crate) use seedbed_settings::sha256;
 
 /// The SHA-256 of the bytes of a file.
 ///

@@ -1,7 +1,6 @@
 //! Settings without those that have their defaults: what identifies a run.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::ops::Range;
 
 use sha2::{Digest, Sha256};
@@ -32,12 +31,8 @@ pub struct Difference {
 
 /// SHA-256 in hexadecimal digits, as `sha256sum` prints it.
 #[must_use]
-pub fn sha256(bytes: &[u8]) -> String {
-    let mut digits = String::with_capacity(64);
-    for byte in Sha256::digest(bytes) {
-        let _ = write!(digits, "{byte:02x}");
-    }
-    digits
+pub fn sha256(bytes: impl AsRef<[u8]>) -> String {
+    format!("{:x}", Sha256::digest(bytes))
 }
 
 impl Settings {
@@ -173,7 +168,7 @@ impl Settings {
     #[must_use]
     pub fn digest(&self, former_names: &[(&str, &str)]) -> String {
         let text = format!("settings {SCHEMA_VERSION}\n{}", self.text(former_names));
-        sha256(text.as_bytes())
+        sha256(text)
     }
 
     /// What differs from other settings, in the order of paths.

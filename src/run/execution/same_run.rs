@@ -28,7 +28,7 @@ pub(super) fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunEr
             )
         },
     )?;
-    // Whoever mends the Python file of an environment may go on with it.
+    // A run may continue with a corrected Python file.
     let settings = |text: &str| {
         let settings = seedbed_env::task_settings(text);
         if options.other_versions {

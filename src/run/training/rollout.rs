@@ -26,6 +26,8 @@ pub struct RoundPlan<'a> {
     pub run_seed: u64,
     /// Number of the round, from 0.
     pub round: u32,
+    /// Number of each agent's first episode.
+    pub first_episode: u32,
     /// Number of episodes that each agent plays.
     pub episodes: u32,
     /// Which bodies are recorded, if any.
@@ -167,7 +169,7 @@ impl<'a> PlayingGroup<'a> {
         let agents = group.first_agent..group.first_agent + environment.copies() as u32;
         let begun = catch_failure(|| GroupRound::begin(environment, agents, 0, *plan));
         let round = begun.unwrap_or_else(|failure| {
-            let episode = plan.round.wrapping_mul(plan.episodes);
+            let episode = plan.first_episode;
             let agent = |copy| group.first_agent + copy as u32;
             let place = |copy| format!("agent {}, episode {episode}", agent(copy));
             located(failure, place).unwind()
@@ -259,8 +261,9 @@ impl<'a> GroupRound<'a> {
     /// Starts the next episode of an agent.
     fn start_episode(&mut self, index: usize, environment: &mut dyn Environment) {
         let plan = self.plan;
-        let first_episode = plan.round.wrapping_mul(plan.episodes);
-        let episode = first_episode.wrapping_add(self.agents[index].finished.len() as u32);
+        let episode = plan
+            .first_episode
+            .wrapping_add(self.agents[index].finished.len() as u32);
         self.slots.slots[index].start(environment, episode, plan.round, plan.scene);
     }
 

@@ -80,6 +80,12 @@ impl GymnasiumTask {
         to_ron_string("Gymnasium", &file)
     }
 
+    /// Like [`text`](Self::text), with the path of the Python file.
+    #[must_use]
+    pub fn text_with_path(&self) -> String {
+        to_ron_string("Gymnasium", &self.file)
+    }
+
     /// What the environment says of itself.
     ///
     /// # Panics
@@ -210,7 +216,7 @@ fn check_source(file: &GymnasiumFile, found: &Found, folder: &Path) -> Result<()
     };
     // A file that cannot be read is reported when the environment is made.
     let source = limits::read_text(&folder.join(path), MAX_SOURCE_BYTES).ok();
-    if source.is_none_or(|source| sha256(source.as_bytes()) == *expected) {
+    if source.is_none_or(|source| sha256(source) == *expected) {
         return Ok(());
     }
     let message = format!("`{}` has changed since `found` was written", path.display());

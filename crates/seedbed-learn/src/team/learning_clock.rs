@@ -1,6 +1,10 @@
 //! When a team learns that gets single transitions.
 
+use serde::{Deserialize, Serialize};
+
 use super::LearningTiming;
+use crate::nn::Standardizer;
+use crate::scaling::Scaling;
 
 /// Counts the steps and transitions of a team.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +19,39 @@ pub(crate) struct LearningClock {
     /// Number of the team's transitions since it learned, with
     /// [`LearningTiming::EveryTransitions`].
     pub(crate) new_transitions: u32,
+}
+
+/// What a checkpoint holds of a team that gets single transitions, beside its learners. `S` is borrowed when it is
+/// written.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct SavedProgress<S> {
+    observations: Option<S>,
+    steps: u64,
+    new_transitions: u32,
+}
+
+impl<'a> SavedProgress<&'a Standardizer> {
+    pub(crate) fn of(scaling: &'a Scaling, clock: &LearningClock) -> Self {
+        Self {
+            observations: scaling.learned(),
+            steps: clock.steps,
+            new_transitions: clock.new_transitions,
+        }
+    }
+}
+
+impl SavedProgress<Standardizer> {
+    /// # Errors
+    /// It is of a team that scales its observations in another way.
+    pub(crate) fn restore(
+        self,
+        scaling: &mut Scaling,
+        clock: &mut LearningClock,
+    ) -> Result<(), String> {
+        clock.steps = self.steps;
+        clock.new_transitions = self.new_transitions;
+        scaling.restore(self.observations)
+    }
 }
 
 impl LearningClock {

@@ -24,7 +24,7 @@ use seedbed_random::Stream;
 
 pub(crate) use bonuses::{HasBonusModel, mean_bonus, update_bonus_models};
 pub use independent::IndependentLearners;
-pub(crate) use learning_clock::LearningClock;
+pub(crate) use learning_clock::{LearningClock, SavedProgress};
 pub(crate) use local_models::LocalModels;
 pub use workers::Workers;
 

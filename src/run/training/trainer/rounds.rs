@@ -52,6 +52,9 @@ impl Trainer {
         let plan = RoundPlan {
             run_seed: self.settings.run_seed,
             round: self.round,
+            first_episode: self
+                .round
+                .wrapping_mul(self.settings.schedule.episodes_per_round()),
             episodes: self.settings.schedule.episodes_per_round(),
             scene: None,
         };
@@ -111,7 +114,7 @@ impl Trainer {
     pub(in crate::run::training) fn measure_round(
         &mut self,
         updates: Vec<AgentUpdate>,
-        mut details: Vec<EpisodeDetails>,
+        details: Vec<EpisodeDetails>,
         bonus_agreement: Option<f64>,
     ) -> Round {
         let (mut reports, mut step_data) = (Vec::new(), Vec::new());
@@ -124,7 +127,6 @@ impl Trainer {
             step_data.extend(update.step_data);
         }
         step_data.sort_by_key(|data| (data.agent, data.episode));
-        details.sort_by_key(|details| (details.agent, details.episode));
         let episodes = newest_episodes(&self.buffer, self.episodes_before_round);
         let rows = self
             .measures
@@ -167,6 +169,9 @@ impl Trainer {
         let plan = RoundPlan {
             run_seed: self.settings.run_seed,
             round: self.round,
+            first_episode: self
+                .round
+                .wrapping_mul(self.settings.schedule.episodes_per_round()),
             episodes: self.settings.schedule.episodes_per_round(),
             scene: self.settings.scene.as_ref(),
         };
@@ -259,6 +264,8 @@ impl Trainer {
             updates.extend(newest);
         }
         self.rollout = Some(rollout);
+        // Episodes end in any order.
+        details.sort_by_key(|details| (details.agent, details.episode));
         Ok((updates, details))
     }
 

@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use serde::{Deserialize, Serialize};
-
 use super::config::SeedSac;
 use super::{LearningContext, SoftLearner};
 use crate::agent::bonus::{Bonus, BonusModel, SHARED_OWNER};
@@ -15,8 +13,8 @@ use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Standardizer, Tensor};
 use crate::scaling::Scaling;
 use crate::team::{
-    ActionRequest, AgentUpdate, LearningClock, LearningRequest, LocalModels, SavedTeam, Team,
-    TeamContext, Workers, mean_bonus, update_bonus_models,
+    ActionRequest, AgentUpdate, LearningClock, LearningRequest, LocalModels, SavedProgress,
+    SavedTeam, Team, TeamContext, Workers, mean_bonus, update_bonus_models,
 };
 
 /// K agents that act by learners, with the transitions that all learn from.
@@ -32,14 +30,6 @@ pub struct SoftTeam {
     clock: LearningClock,
     /// Bonuses of each agent's own steps in the latest round, by episode: `[K]`.
     own_bonuses: Vec<Vec<StepData>>,
-}
-
-/// What a checkpoint holds of a team. The rest derives from the scenario.
-#[derive(Serialize, Deserialize)]
-struct SavedShared<S> {
-    observations: Option<S>,
-    steps: u64,
-    new_transitions: u32,
 }
 
 impl SoftTeam {
@@ -292,11 +282,7 @@ impl Team for SoftTeam {
     }
 
     fn save(&self) -> SavedTeam {
-        let saved = SavedShared {
-            observations: self.scaling.learned(),
-            steps: self.clock.steps,
-            new_transitions: self.clock.new_transitions,
-        };
+        let saved = SavedProgress::of(&self.scaling, &self.clock);
         SavedTeam {
             parts: self.own_learners().iter().map(SoftLearner::save).collect(),
             shared: postcard::to_stdvec(&saved).expect("plain data always serializes"),
@@ -304,7 +290,7 @@ impl Team for SoftTeam {
     }
 
     fn restore(&mut self, saved: &SavedTeam) -> Result<(), String> {
-        let shared: SavedShared<Standardizer> =
+        let shared: SavedProgress<Standardizer> =
             postcard::from_bytes(&saved.shared).map_err(|error| error.to_string())?;
         if saved.parts.len() != self.learners.len() {
             return Err("the checkpoint is of a team with other learners".to_owned());
@@ -312,8 +298,6 @@ impl Team for SoftTeam {
         for (learner, bytes) in self.learners.iter_mut().zip(&saved.parts) {
             learner.restore(bytes)?;
         }
-        self.clock.steps = shared.steps;
-        self.clock.new_transitions = shared.new_transitions;
-        self.scaling.restore(shared.observations)
+        shared.restore(&mut self.scaling, &mut self.clock)
     }
 }

@@ -23,7 +23,6 @@ pub(super) mod perturbation;
 mod tests;
 
 use rand::RngExt;
-use serde::{Deserialize, Serialize};
 
 use self::config::{Composition, Learning, ModelAssignment};
 use self::exploration::Chooser;
@@ -36,8 +35,8 @@ use crate::nn::{Mlp, Standardizer, Tensor};
 use crate::rl::index_conditioned;
 use crate::scaling::Scaling;
 use crate::team::{
-    ActionRequest, AgentUpdate, LearningClock, LearningRequest, LocalModels, SavedTeam, Team,
-    TeamContext, Workers, mean_bonus, update_bonus_models,
+    ActionRequest, AgentUpdate, LearningClock, LearningRequest, LocalModels, SavedProgress,
+    SavedTeam, Team, TeamContext, Workers, mean_bonus, update_bonus_models,
 };
 use seedbed_env::{Choice, TaskSpec};
 use seedbed_random::{Purpose, stream};
@@ -67,14 +66,6 @@ pub struct ValueTeam {
     /// Bonuses of each agent's own steps in the latest round, by episode: `[K]`; empty if the team
     /// has no bonus.
     own_bonuses: Vec<Vec<StepData>>,
-}
-
-/// What a checkpoint holds of a team. The rest derives from the scenario.
-#[derive(Serialize, Deserialize)]
-struct Saved<S> {
-    observations: Option<S>,
-    steps: u64,
-    new_transitions: u32,
 }
 
 /// Shape of the network of a model.
@@ -416,11 +407,7 @@ impl Team for ValueTeam {
     }
 
     fn save(&self) -> SavedTeam {
-        let saved = Saved {
-            observations: self.scaling.learned(),
-            steps: self.clock.steps,
-            new_transitions: self.clock.new_transitions,
-        };
+        let saved = SavedProgress::of(&self.scaling, &self.clock);
         let mut shared = postcard::to_stdvec(&saved).expect("plain data always serializes");
         if self.composition.index.is_some() {
             // Indices are drawn again from the number of the round.
@@ -434,7 +421,7 @@ impl Team for ValueTeam {
 
     fn restore(&mut self, saved: &SavedTeam) -> Result<(), String> {
         let models = &saved.parts;
-        let (saved, rest) = postcard::take_from_bytes::<Saved<Standardizer>>(&saved.shared)
+        let (saved, rest) = postcard::take_from_bytes::<SavedProgress<Standardizer>>(&saved.shared)
             .map_err(|error| error.to_string())?;
         if models.len() != self.models.len() {
             return Err("the checkpoint is of a team with other models".to_owned());
@@ -442,8 +429,7 @@ impl Team for ValueTeam {
         for (model, bytes) in self.models.iter_mut().zip(models) {
             model.restore(bytes)?;
         }
-        self.scaling.restore(saved.observations)?;
-        (self.clock.steps, self.clock.new_transitions) = (saved.steps, saved.new_transitions);
+        saved.restore(&mut self.scaling, &mut self.clock)?;
         self.restore_indices(rest)
     }
 }
