@@ -12,10 +12,10 @@ use seedbed_stats::shares::{Share, TwoShares};
 use seedbed_stats::survival::TimeToEvent;
 
 /// Number of simulated studies for each number of runs.
-const STUDIES: u64 = 2000;
+const STUDIES: u64 = 1000;
 
 /// Number of simulated studies with effects for each number of runs.
-const STUDIES_WITH_EFFECTS: u64 = 1000;
+const STUDIES_WITH_EFFECTS: u64 = 500;
 
 /// Largest acceptable rate of studies with a false claim: twice [`FAMILY_LEVEL`], because a claim
 /// can have either direction.

@@ -140,12 +140,12 @@ fn accepted_scenarios_run() {
     let generator = scenario::Generator::new();
     let mut coverage = Coverage::default();
     let path = folder.path().join("scenario.ron");
-    for index in 0..14000 {
+    for index in 0..9000 {
         let (text, overrides) = generator.generate(&mut random(index));
         fs::write(&path, &text).unwrap();
         let all = format!("{text} {}", overrides.join(" "));
         let accepted = coverage.add(&all, Plan::load(&path, &overrides));
-        if accepted.is_some() && index < 150 {
+        if accepted.is_some() && index < 100 {
             run(folder.path(), &text, &overrides, "");
         }
     }

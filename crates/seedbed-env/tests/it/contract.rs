@@ -420,12 +420,12 @@ fn assert_finite(task: &TaskDescription, physics: Physics, steps: usize) {
     }
 }
 
-/// A fifth as many for copies with worlds of their own.
+/// A tenth as many for copies with worlds of their own.
 #[test]
 fn values_stay_finite_in_a_hundred_thousand_random_steps() {
     for (task, physics) in tasks() {
         let steps = if has_own_worlds(&task) {
-            20_000
+            10_000
         } else {
             100_000
         };
