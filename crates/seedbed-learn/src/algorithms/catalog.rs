@@ -7,9 +7,12 @@
 use ron::extensions::Extensions;
 use ron::ser::PrettyConfig;
 use schemars::{JsonSchema, SchemaGenerator};
+use seedbed_env::{Action, Choice as ActionChoice, Quantity, TaskSpec};
 use seedbed_settings::{Field, Tree};
 use serde::Serialize;
 use serde_json::Value;
+
+use super::{AlgorithmConfig, ScheduleKind};
 
 /// Documentation of one algorithm.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,8 +21,29 @@ pub struct AlgorithmInfo {
     pub name: &'static str,
     /// What it does, in a sentence.
     pub purpose: String,
+    /// Where it can be used.
+    pub uses: Uses,
     /// Its parameters.
     pub parameters: Vec<Parameter>,
+}
+
+/// What actions a task can have.
+pub const ACTION_KINDS: [&str; 4] = [
+    "one discrete action",
+    "several",
+    "continuous actions",
+    "both at once",
+];
+
+/// Where teams of an algorithm can be used, with the defaults of its parameters.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Uses {
+    /// In tasks with these of the [`ACTION_KINDS`].
+    pub actions: Vec<&'static str>,
+    /// Names of the kinds of schedules in which they can learn.
+    pub schedules: Vec<&'static str>,
+    /// Whether rewards can have an exploration bonus.
+    pub bonus: bool,
 }
 
 /// Documentation of one parameter.
@@ -49,12 +73,73 @@ pub struct Choice {
 impl AlgorithmInfo {
     /// Documentation of the algorithm `name`, which has the configuration `T`.
     #[must_use]
-    pub fn of<T: JsonSchema + Default + Serialize>(name: &'static str) -> Self {
+    pub fn of<T: AlgorithmConfig + JsonSchema + Default + Serialize>(name: &'static str) -> Self {
+        let config = T::default();
         Self {
             name,
             purpose: description(&Schemas::of::<T>().root),
-            parameters: parameters::<T>(&T::default()),
+            uses: Uses::of(&config),
+            parameters: parameters(&config),
         }
+    }
+}
+
+impl Uses {
+    fn of(config: &dyn AlgorithmConfig) -> Self {
+        let discrete = || ActionChoice::Discrete(vec![0.0, 1.0]);
+        let of_kinds = [
+            vec![discrete()],
+            vec![discrete(), discrete()],
+            vec![ActionChoice::Continuous, ActionChoice::Continuous],
+            vec![discrete(), ActionChoice::Continuous],
+        ];
+        let mut actions = Vec::new();
+        for (kind, choices) in ACTION_KINDS.into_iter().zip(of_kinds) {
+            if config.check_task(&task_with(choices)).is_ok() {
+                actions.push(kind);
+            }
+        }
+        let mut schedules = Vec::new();
+        for (name, kind) in [
+            ("Synchronous", ScheduleKind::Synchronous { episodes: 1 }),
+            ("Asynchronous", ScheduleKind::Asynchronous),
+            ("Lockstep", ScheduleKind::Lockstep),
+        ] {
+            if config.check_schedule(kind).is_ok() {
+                schedules.push(name);
+            }
+        }
+        Self {
+            actions,
+            schedules,
+            bonus: config.bonus().is_some(),
+        }
+    }
+}
+
+/// A task of one observation with these actions.
+fn task_with(choices: Vec<ActionChoice>) -> TaskSpec {
+    let quantity = |name: String| Quantity {
+        name,
+        unit: String::new(),
+        range: [-1.0, 1.0],
+    };
+    let actions = choices
+        .into_iter()
+        .enumerate()
+        .map(|(index, choice)| Action {
+            quantity: quantity(format!("action {index}")),
+            choice,
+        });
+    TaskSpec {
+        name: String::new(),
+        description: String::new(),
+        observations: vec![quantity("observation".to_owned())],
+        actions: actions.collect(),
+        control_step: 1.0,
+        time_limit: 1,
+        reward_threshold: None,
+        info: Vec::new(),
     }
 }
 
@@ -231,6 +316,7 @@ fn description(schema: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::Algorithm;
+    use super::ACTION_KINDS;
 
     #[test]
     fn every_parameter_has_a_meaning_and_a_default() {
@@ -245,6 +331,23 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn uses_are_those_that_scenarios_can_have() {
+        let uses = |name: &str| {
+            let found = Algorithm::catalog()
+                .into_iter()
+                .find(|info| info.name == name);
+            found.unwrap().uses
+        };
+        assert_eq!(uses("SeedPg").actions, ACTION_KINDS);
+        assert_eq!(uses("QLearning").actions, ["one discrete action"]);
+        assert_eq!(uses("SeedSac").actions, ["continuous actions"]);
+        assert_eq!(uses("SeedPg").schedules, ["Synchronous", "Asynchronous"]);
+        assert_eq!(uses("QLearning").schedules, ["Synchronous", "Lockstep"]);
+        assert_eq!(uses("CrossEntropy").schedules, ["Synchronous"]);
+        assert!(uses("SeedSac").bonus && !uses("Random").bonus);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 """Values and gradients that seedbed's hand-written ones are held against, by automatic differentiation in double precision.
 
-`reference.json` beside this file is its output, byte for byte; `crates/seedbed-learn/tests/it/gradients.rs` reads it. To make it again, in a
+`reference.json` beside this file is its output, byte for byte; `crates/seedbed-learn/tests/it/gradients/` reads it. To make it again, in a
 virtual environment of its own:
 
     pip install jax==0.10.2 jaxlib==0.10.2 numpy==2.4.6 optax==0.2.8
