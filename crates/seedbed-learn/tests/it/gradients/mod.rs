@@ -9,7 +9,7 @@ mod policies;
 mod soft_actor_critic;
 mod values;
 
-use seedbed_learn::nn::Mlp;
+use seedbed_learn::nn::{Activations, Mlp};
 use serde::Deserialize;
 
 use distributions::{CategoricalCase, GaussianCase, SquashedGaussianCase};
@@ -81,6 +81,22 @@ fn assert_gradient(name: &str, network: &Mlp, ours: &[f32], reference: &[f64]) {
         );
         remaining = later;
     }
+}
+
+/// Compares the gradient of a loss with respect to the parameters of a network.
+///
+/// `activations` are those of the inputs, `slopes` is the gradient with respect to the outputs.
+fn assert_parameter_gradient(
+    name: &str,
+    network: &Mlp,
+    (parameters, inputs): (&[f32], &[f32]),
+    activations: &mut Activations,
+    slopes: &[f32],
+    reference: &[f64],
+) {
+    let mut gradient = vec![f32::NAN; network.parameter_count()];
+    network.backward(parameters, inputs, activations, slopes, &mut gradient);
+    assert_gradient(name, network, &gradient, reference);
 }
 
 /// Compares numbers with [`TOLERANCE`] relative to `scale`, or to the reference if it is larger.

@@ -5,7 +5,7 @@ use seedbed_learn::rl::policy_loss::{self, Surrogate};
 use seedbed_learn::rl::{categorical, gaussian};
 use serde::Deserialize;
 
-use super::{assert_close, assert_gradient, check_cases, reference};
+use super::{assert_close, assert_parameter_gradient, check_cases, reference};
 
 #[derive(Clone, Copy, Debug, Deserialize)]
 enum Loss {
@@ -186,14 +186,14 @@ fn gradients_of_policies_match_the_reference() {
             &[case.value],
         );
 
-        let mut gradient = vec![f32::NAN; network.parameter_count()];
-        network.backward(
-            &case.parameters,
-            &case.states,
+        let point = (&case.parameters[..], &case.states[..]);
+        assert_parameter_gradient(
+            &case.name,
+            &network,
+            point,
             &mut activations,
             &output_gradient,
-            &mut gradient,
+            &case.gradient,
         );
-        assert_gradient(&case.name, &network, &gradient, &case.gradient);
     });
 }

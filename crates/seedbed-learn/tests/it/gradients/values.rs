@@ -5,7 +5,7 @@ use seedbed_learn::rl::index_conditioned::{self, Indices};
 use seedbed_learn::rl::q_learning;
 use serde::Deserialize;
 
-use super::{assert_close, assert_gradient, check_cases, reference};
+use super::{assert_close, assert_gradient, assert_parameter_gradient, check_cases, reference};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -44,15 +44,15 @@ fn gradients_of_value_functions_match_the_reference() {
             .sum();
         assert_close(&format!("{}: loss", case.name), &[value], &[case.value]);
 
-        let mut gradient = vec![f32::NAN; network.parameter_count()];
-        network.backward(
-            &case.parameters,
-            &case.states,
+        let point = (&case.parameters[..], &case.states[..]);
+        assert_parameter_gradient(
+            &case.name,
+            &network,
+            point,
             &mut activations,
             &slopes,
-            &mut gradient,
+            &case.gradient,
         );
-        assert_gradient(&case.name, &network, &gradient, &case.gradient);
     });
 }
 
@@ -264,14 +264,14 @@ fn gradients_of_indexed_values_match_the_reference() {
         index_conditioned::heads_gradient(&slopes, own, &mut output_gradient);
         let (network, mut activations) = (Mlp::new(&case.sizes), Activations::default());
         network.forward(&case.parameters, &case.states, &mut activations);
-        let mut gradient = vec![f32::NAN; network.parameter_count()];
-        network.backward(
-            &case.parameters,
-            &case.states,
+        let point = (&case.parameters[..], &case.states[..]);
+        assert_parameter_gradient(
+            &case.name,
+            &network,
+            point,
             &mut activations,
             &output_gradient,
-            &mut gradient,
+            &case.gradient,
         );
-        assert_gradient(&case.name, &network, &gradient, &case.gradient);
     });
 }
