@@ -1,7 +1,7 @@
 //! A round of a trainer: playing, learning and measuring.
 
 use super::round_failure::{RoundFailure, check_episode};
-use super::{Round, Trainer, local_agents, newest_episodes};
+use super::{Round, Trainer, TrainingSettings, local_agents, newest_episodes};
 use crate::run::facts::EpisodeDetails;
 use crate::run::ranks::Ranks;
 use crate::run::training::agreement;
@@ -15,6 +15,18 @@ use seedbed_env::Environment;
 use seedbed_env::gymnasium::catch_failure;
 use seedbed_learn::agent::UpdateReport;
 use seedbed_learn::team::{AgentUpdate, Learner, LearningRequest, Workers};
+
+/// What agents play in a round of training. All rounds have as many episodes.
+fn plan_of_round(settings: &TrainingSettings, round: u32) -> RoundPlan<'_> {
+    let episodes = settings.schedule.episodes_per_round();
+    RoundPlan {
+        run_seed: settings.run_seed,
+        round,
+        first_episode: round.wrapping_mul(episodes),
+        episodes,
+        scene: settings.scene.as_ref(),
+    }
+}
 
 impl Trainer {
     /// Plays a round of concurrent episodes, lets every agent learn from all of them, and measures
@@ -50,13 +62,8 @@ impl Trainer {
         self.team.begin_round(self.round);
         let agents = 0..self.team.agent_count() as u32;
         let plan = RoundPlan {
-            run_seed: self.settings.run_seed,
-            round: self.round,
-            first_episode: self
-                .round
-                .wrapping_mul(self.settings.schedule.episodes_per_round()),
-            episodes: self.settings.schedule.episodes_per_round(),
             scene: None,
+            ..plan_of_round(&self.settings, self.round)
         };
         GroupRound::begin(environment, agents, first_copy, plan)
     }
@@ -166,15 +173,7 @@ impl Trainer {
         &mut self,
         remote: RemoteRounds,
     ) -> Result<PlayedEpisodes, RoundFailure> {
-        let plan = RoundPlan {
-            run_seed: self.settings.run_seed,
-            round: self.round,
-            first_episode: self
-                .round
-                .wrapping_mul(self.settings.schedule.episodes_per_round()),
-            episodes: self.settings.schedule.episodes_per_round(),
-            scene: self.settings.scene.as_ref(),
-        };
+        let plan = plan_of_round(&self.settings, self.round);
         let workers = Workers::new(self.pool.as_ref());
         let (groups, team) = (&mut self.groups, &mut *self.team);
         let played = catch_failure(|| {
