@@ -7,6 +7,7 @@ use seedbed::experiment::Experiment;
 use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
 use seedbed::study::design::plan::StudyPlan;
+use seedbed::study::tuning::file::Tuning;
 use seedbed::study::tuning::plan::TuningFile;
 use seedbed::tabular;
 use seedbed_env::{Choice, Physics, TaskSpec, physics_warnings};
@@ -104,7 +105,7 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
                 let of_cell = cell.source.warnings().into_iter();
                 warnings.extend(of_cell.map(|warning| format!("`{}`: {warning}", cell.name)));
             }
-            Ok(describe_tuning(&file))
+            Ok(describe_tuning(&file.document.value))
         }
     }?;
     Ok(Checked {
@@ -114,8 +115,7 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
 }
 
 /// Description of a tuning file, such as `search for 3 parameters of 2 methods`.
-pub(super) fn describe_tuning(file: &TuningFile) -> String {
-    let tuning = &file.document.value;
+pub(super) fn describe_tuning(tuning: &Tuning) -> String {
     let parameters = tuning.methods.iter().map(|method| method.space.len());
     let count = tuning.space.len() + parameters.sum::<usize>();
     format!(
@@ -130,16 +130,18 @@ pub(super) fn describe_runs(plan: &StudyPlan) -> String {
     let external = || plan.cells.iter().filter_map(|cell| cell.source.found());
     let mut parts = Vec::new();
     if external().count() < plan.cells.len() {
-        parts.push(format!(
-            "{} each",
-            pluralize(plan.repeats() as usize, "run")
-        ));
+        parts.push(describe_own_runs(plan.repeats()));
     }
     if external().count() > 0 {
         let runs: usize = external().map(|runs| runs.runs().count()).sum();
         parts.push(format!("{} of others", pluralize(runs, "run")));
     }
     parts.join(" and ")
+}
+
+/// For example `20 runs each`.
+pub(super) fn describe_own_runs(repeats: u64) -> String {
+    format!("{} each", pluralize(repeats as usize, "run"))
 }
 
 /// Description of a tabular scenario, e.g. `100 agents in BipolarChain, SeedSampling`.

@@ -65,7 +65,7 @@ pub(super) fn warn_of_damaged_files(to_run: &[PlannedRun<'_>], folder: &StudyFol
 
 /// Path of the result file of a run, if it is damaged, was edited or has another layout.
 pub(super) fn damaged_file(run: &PlannedRun<'_>, folder: &StudyFolder) -> Option<PathBuf> {
-    folder.damaged_file(&run.cell.digest, run.run_seed)
+    folder.damaged_file(run.cell.digest(), run.run_seed)
 }
 
 pub(super) fn damage_message(path: &Path) -> String {

@@ -3,14 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use super::check::{
-    MAX_NAMED_OBSERVATIONS, describe_runs, describe_tabular, describe_tuning, format_actions,
+    MAX_NAMED_OBSERVATIONS, describe_own_runs, describe_runs, describe_tabular, describe_tuning,
+    format_actions,
 };
 use super::{CliError, ListKind, algorithms_page, pluralize};
 use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
 use seedbed::scenario::Scenario;
+use seedbed::study::design::file::Study;
 use seedbed::study::design::plan::StudyPlan;
-use seedbed::study::tuning::plan::TuningFile;
+use seedbed::study::tuning::file::Tuning;
 use seedbed::tabular::Algorithm as TabularAlgorithm;
 use seedbed_env::TaskDescription;
 use seedbed_input::{FileKind, InputError};
@@ -186,13 +188,11 @@ fn print_scenarios() {
 /// One-line description of a scenario or a study.
 fn describe(path: &Path) -> Result<String, InputError> {
     match seedbed_input::file_kind(&path.display().to_string(), &input_files::read_text(path)?)? {
-        FileKind::Study => Ok(describe_study(&StudyPlan::load_before_results(
-            path, false,
-        )?)),
+        FileKind::Study => describe_study(path),
         FileKind::Tuning => {
-            let file = TuningFile::load(path)?;
-            let title = &file.document.value.title;
-            Ok(format!("tuning: {title}; {}", describe_tuning(&file)))
+            let tuning = Tuning::read(path)?.value;
+            let search = describe_tuning(&tuning);
+            Ok(format!("tuning: {}; {search}", tuning.title))
         }
         FileKind::TabularScenario => describe_tabular(path),
         FileKind::Scenario
@@ -202,13 +202,16 @@ fn describe(path: &Path) -> Result<String, InputError> {
     }
 }
 
-fn describe_study(plan: &StudyPlan) -> String {
-    let cells = pluralize(plan.cells.len(), "cell");
-    format!(
-        "study: {}; {cells}, {}",
-        plan.study().title,
-        describe_runs(plan)
-    )
+/// What a study is. Its cells are not read, unless some have results of others.
+fn describe_study(path: &Path) -> Result<String, InputError> {
+    let study = Study::read(path)?.value;
+    let runs = if study.cells.iter().any(|cell| cell.results.is_some()) {
+        describe_runs(&StudyPlan::load_before_results(path, false)?)
+    } else {
+        describe_own_runs(u64::from(study.repeats.get()))
+    };
+    let cells = pluralize(study.cell_count(), "cell");
+    Ok(format!("study: {}; {cells}, {runs}", study.title))
 }
 
 fn describe_scenario(plan: &Plan) -> String {

@@ -23,7 +23,7 @@ pub(super) struct StudyCurves {
 
 impl StudyCurves {
     pub(super) fn new(folder: &Path, runs: &[PlannedRun<'_>]) -> Self {
-        let cell = |run: &PlannedRun<'_>| (run.cell.digest.clone(), run.cell.name.clone());
+        let cell = |run: &PlannedRun<'_>| (run.cell.digest().to_owned(), run.cell.name.clone());
         Self {
             folder: folder.to_owned(),
             cells: runs.iter().map(cell).collect(),
@@ -47,7 +47,7 @@ impl StudyCurves {
 
     /// Writes what waits of a run that has ended.
     pub(super) fn end(&self, run: &PlannedRun<'_>) {
-        let key = (run.cell.digest.clone(), run.run_seed);
+        let key = (run.cell.digest().to_owned(), run.run_seed);
         self.runs_of_now().remove(&key);
     }
 

@@ -9,9 +9,8 @@ pub use crate::plotting::trailing_means;
 pub use crate::run::facts::metrics::Curve;
 use crate::run::facts::metrics::{Range, RunKind};
 use crate::scenario::Rounding;
-use seedbed_input::FORMER_NAMES;
 use seedbed_input::numbers::{Count, ranged_count};
-use seedbed_settings::Settings;
+use seedbed_input::{FORMER_NAMES, settings_of};
 use seedbed_stats::aggregate::{mean, median, quantile};
 use seedbed_stats::survival::TimeToEvent;
 
@@ -220,11 +219,7 @@ impl Measure {
     #[must_use]
     pub(crate) fn canonical_text(self) -> String {
         let text = ron::to_string(&self).expect("plain data always serializes");
-        let is_same = |text: &str| ron::from_str(text) == Ok(self);
-        let settings = Settings::without_defaults(&text, is_same);
-        let settings = settings
-            .expect("RON that was just written")
-            .text(&FORMER_NAMES);
+        let settings = settings_of::<Self>(&text).text(&FORMER_NAMES);
         let mut values = settings.lines();
         // The path of the measure itself is empty.
         let name = values.next().unwrap_or_default().trim_start_matches(" = ");

@@ -3,20 +3,16 @@
 //! The parser says what it expected. This module looks at the tokens around the place where it
 //! stopped, and recognizes what people write who are used to Python, JSON, YAML or Rust.
 
-use std::ops::Range;
+use seedbed_settings::Expected;
 
-use serde::de::DeserializeOwned;
+use super::deserializer::{Problem, Type};
+use super::kind::block_comment_length;
+use super::names::shown;
 
-use super::error::{Position, position};
-use super::explanation::unexpected_name;
-use super::trial::{Unquoted, WholeNumberField};
-
-/// What replaces parts of an error of the parser.
+/// What is added to an error, or replaces parts of it.
 #[derive(Default)]
 pub(crate) struct Correction {
-    pub(crate) position: Option<Position>,
-    pub(crate) field: Option<String>,
-    pub(crate) message: Option<String>,
+    pub(crate) place_and_message: Option<(usize, String)>,
     pub(crate) help: Option<String>,
 }
 
@@ -27,67 +23,46 @@ struct Token<'a> {
     text: &'a str,
 }
 
-/// Beginning of the message about a name in quotes where a name without them is expected.
-pub const NAME_IN_QUOTES: &str = "expected a name without quotes";
-
 /// Quotes that word processors write, and single quotes.
 const OTHER_QUOTES: [char; 9] = ['\'', '`', '“', '”', '„', '‘', '’', '«', '»'];
 
-/// Explains foreign syntax where the parser has stopped in the text of a `T`, if there is any.
-pub(crate) fn correct<T: DeserializeOwned>(
-    text: &str,
-    at: &Position,
-    error: &ron::Error,
-) -> Correction {
-    if is_about_a_value(error) {
+/// Explains foreign syntax at the byte where reading has stopped, if there is any.
+pub(crate) fn correct(text: &str, stopped: usize, problem: &Problem) -> Correction {
+    if is_about_a_value(problem) {
         return Correction::default();
     }
-    let stopped = offset(text, at);
     let tokens = tokens(text);
     let index = tokens.partition_point(|token| token.end() <= stopped);
     let reach = tokens.len().min(index + 1);
     let never_valid = (0..reach).find_map(|found| {
         let (message, help) = never_valid(text, &tokens, found)?;
         Some(Correction {
-            position: Some(place(text, tokens[found].start)),
-            message: Some(message),
+            place_and_message: Some((tokens[found].start, message)),
             help: Some(help),
-            ..Correction::default()
         })
     });
     let place = Place {
         text,
         tokens: &tokens,
         index,
-        stopped,
     };
-    never_valid.unwrap_or_else(|| place.correct::<T>(error))
+    never_valid.unwrap_or_else(|| place.correct(problem))
 }
 
 /// Whether the syntax is right, and a name or a value is wrong.
-fn is_about_a_value(error: &ron::Error) -> bool {
-    use ron::Error::{
-        DuplicateStructField, InvalidValueForType, Message, MissingStructField, NoSuchEnumVariant,
-        NoSuchStructField,
-    };
-    matches!(
-        error,
-        Message(_)
-            | InvalidValueForType { .. }
-            | NoSuchStructField { .. }
-            | NoSuchEnumVariant { .. }
-            | MissingStructField { .. }
-            | DuplicateStructField { .. }
-    )
+fn is_about_a_value(problem: &Problem) -> bool {
+    use Problem::{Syntax, TooMany, WrongLength, WrongType};
+    let is_number = matches!(problem, WrongType(Type::WholeNumber(_), Some(_)));
+    let is_about_syntax = matches!(
+        problem,
+        Syntax(_) | WrongType(..) | WrongLength { .. } | TooMany | Problem::OtherName { .. }
+    );
+    is_number || !is_about_syntax
 }
 
 impl<'a> Token<'a> {
     fn end(&self) -> usize {
         self.start + self.text.len()
-    }
-
-    fn range(&self) -> Range<usize> {
-        self.start..self.end()
     }
 
     /// Content of a text in quotes.
@@ -150,44 +125,19 @@ struct Place<'a> {
     text: &'a str,
     tokens: &'a [Token<'a>],
     index: usize,
-    /// The byte where the parser has stopped.
-    stopped: usize,
 }
 
 impl<'a> Place<'a> {
-    fn correct<T: DeserializeOwned>(&self, error: &ron::Error) -> Correction {
-        let before = self.token(-1).filter(Token::is_number);
-        if let (ron::Error::IntegerOutOfBounds, Some(number)) =
-            (error, self.token(0).filter(Token::is_number).or(before))
-        {
-            return self.too_large::<T>(number);
-        }
+    fn correct(&self, problem: &Problem) -> Correction {
         let Some(token) = self.token(0) else {
             return help(self.unclosed_bracket());
         };
-        match error {
-            ron::Error::ExpectedBoolean => boolean(token),
-            ron::Error::ExpectedInteger | ron::Error::InvalidIntegerDigit { .. }
-                if token.is_number() =>
-            {
-                self.whole_number::<T>(token)
-            }
-            // The parser has read the whole number before a decimal point.
-            ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd
-                if token.is_number() && self.stopped > token.start =>
-            {
-                self.whole_number::<T>(token)
-            }
-            ron::Error::ExpectedIdentifier if token.quoted().is_some() && !self.is_key() => {
-                self.variant_in_quotes::<T>(token)
-            }
-            ron::Error::ExpectedInteger | ron::Error::ExpectedFloat => help(number(token)),
-            ron::Error::ExpectedArray => help(self.list(token)),
-            ron::Error::ExpectedStringEnd => Correction {
-                message: Some("this text has no closing quote `\"`".to_owned()),
-                ..Correction::default()
-            },
-            _ => help(self.other(token, error)),
+        match problem {
+            Problem::WrongType(Type::Boolean, _) => boolean(token),
+            Problem::WrongType(Type::WholeNumber(_) | Type::Number, _) => help(number(token)),
+            Problem::WrongType(Type::List, _) => help(self.list(token)),
+            Problem::Syntax(Expected::EndOfQuotes) => Correction::default(),
+            _ => help(self.other(token, problem)),
         }
     }
 
@@ -214,55 +164,6 @@ impl<'a> Place<'a> {
         self.token(1).is_some_and(|next| next.text == ":")
     }
 
-    /// A whole number that its field cannot hold.
-    fn too_large<T: DeserializeOwned>(&self, token: Token<'_>) -> Correction {
-        let Some(at) = WholeNumberField::of::<T>(self.text, &token.range()) else {
-            return Correction::default();
-        };
-        let expected = at.own_range.unwrap_or(at.bits);
-        Correction {
-            position: Some(place(self.text, token.start)),
-            field: Some(at.field),
-            message: Some(format!("expected {expected}, found {}", shown(token.text))),
-            help: None,
-        }
-    }
-
-    /// A number that is not written as a whole number.
-    fn whole_number<T: DeserializeOwned>(&self, token: Token<'_>) -> Correction {
-        let number: Option<f64> = token.text.replace('_', "").parse().ok();
-        let whole = number.filter(|number| number.fract() == 0.0 && number.abs() < 1e15);
-        let at = WholeNumberField::of::<T>(self.text, &token.range());
-        let (field, range) = at.map(|at| (at.field, at.own_range)).unzip();
-        let expected = range.flatten().unwrap_or("a whole number".to_owned());
-        Correction {
-            field,
-            message: Some(format!(
-                "expected {expected}, found `{}`",
-                shown(token.text)
-            )),
-            help: whole.map(|whole| format!("write `{whole:.0}`")),
-            position: None,
-        }
-    }
-
-    /// A text in quotes in place of a variant.
-    fn variant_in_quotes<T: DeserializeOwned>(&self, token: Token<'_>) -> Correction {
-        let name = token.quoted().unwrap_or_default();
-        let (message, help) = match Unquoted::of::<T>(self.text, &token.range(), name) {
-            Unquoted::Unknown(variants) => unexpected_name("variant", name, variants),
-            Unquoted::Variant(written) => (
-                format!("{NAME_IN_QUOTES}, found `{}`", shown(token.text)),
-                Some(format!("write `{written}`")),
-            ),
-        };
-        Correction {
-            message: Some(message),
-            help,
-            ..Correction::default()
-        }
-    }
-
     fn list(&self, token: Token<'_>) -> Option<String> {
         if token.text == "(" || token.text == "{" {
             let line = self.text[token.end()..].lines().next().unwrap_or_default();
@@ -276,7 +177,7 @@ impl<'a> Place<'a> {
         is_value.then(|| format!("write a list in brackets: `[{}]`", token.text))
     }
 
-    fn other(&self, token: Token<'a>, error: &ron::Error) -> Option<String> {
+    fn other(&self, token: Token<'a>, problem: &Problem) -> Option<String> {
         let next = self.token(1);
         let before = self.token(-1);
         if self.is_decimal_comma(token) {
@@ -300,8 +201,8 @@ impl<'a> Place<'a> {
                 "write the name of a field without quotes: `{name}: …`"
             ));
         }
-        match error {
-            ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd => {
+        match problem {
+            Problem::Syntax(Expected::Comma) | Problem::TooMany => {
                 missing_comma(self.text, before?, token)
             }
             _ => number(token),
@@ -325,7 +226,7 @@ impl<'a> Place<'a> {
 
     fn unclosed_bracket(&self) -> Option<String> {
         let open = self.open_brackets().pop()?;
-        let line = place(self.text, open.start).line;
+        let line = line(self.text, open.start);
         Some(format!("the `{}` in line {line} is not closed", open.text))
     }
 
@@ -336,7 +237,7 @@ impl<'a> Place<'a> {
             "[" => "]",
             _ => "}",
         };
-        let line = place(self.text, open.start).line;
+        let line = line(self.text, open.start);
         (found.text != expected).then(|| {
             format!(
                 "write `{expected}`, which closes the `{}` in line {line}",
@@ -350,8 +251,8 @@ const NO_ARITHMETIC: &str = "nothing is computed here: write the result";
 
 fn help(help: Option<String>) -> Correction {
     Correction {
+        place_and_message: None,
         help,
-        ..Correction::default()
     }
 }
 
@@ -362,13 +263,10 @@ fn boolean(token: Token<'_>) -> Correction {
         "false" | "no" | "off" | "0" => Some("false"),
         _ => None,
     };
+    let message = format!("expected `true` or `false`, found `{}`", shown(token.text));
     Correction {
-        message: Some(format!(
-            "expected `true` or `false`, found `{}`",
-            shown(token.text)
-        )),
+        place_and_message: Some((token.start, message)),
         help: meant.map(|meant| format!("write `{meant}`")),
-        ..Correction::default()
     }
 }
 
@@ -382,51 +280,25 @@ fn number(token: Token<'_>) -> Option<String> {
     is_written_otherwise.then(|| "write `None`".to_owned())
 }
 
-/// The place where a comma is missing, if a field or value follows. Parentheses after a name that has no
-/// fields are too many.
+/// The place where a comma is missing, if a field or value follows.
 fn missing_comma(text: &str, before: Token<'_>, found: Token<'_>) -> Option<String> {
     let follows = found.is_word() || found.is_number() || found.text.starts_with(['(', '[', '"']);
-    if before.text == "," || before.text.contains('\n') {
+    if [",", "(", "[", "{"].contains(&before.text) || before.text.contains('\n') {
         return None;
     }
-    if before.is_word() && found.text == "(" {
-        return Some(format!(
-            "write `{}` without parentheses",
-            shown(before.text)
-        ));
-    }
-    let place = place(text, before.start);
+    let line = line(text, before.start);
     follows.then(|| {
         format!(
             "write a comma after `{}` in line {}",
             shown(before.text),
-            place.line
+            line
         )
     })
 }
 
-/// The beginning of a text that may be long.
-fn shown(text: &str) -> String {
-    const CHARACTERS: usize = 30;
-    let end = text.char_indices().nth(CHARACTERS).map(|(end, _)| end);
-    end.map_or_else(|| text.to_owned(), |end| format!("{}…", &text[..end]))
-}
-
-/// The place of the character at a byte.
-fn place(text: &str, offset: usize) -> Position {
-    let before = &text[..offset];
-    let line = before.matches('\n').count() + 1;
-    let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
-    position(text, line, column)
-}
-
-/// The byte of a place.
-fn offset(text: &str, at: &Position) -> usize {
-    let lines = text.split_inclusive('\n').take(at.line.saturating_sub(1));
-    let start: usize = lines.map(str::len).sum();
-    let line = &text[start.min(text.len())..];
-    let column = line.char_indices().nth(at.column.saturating_sub(1));
-    start + column.map_or(line.len(), |(column, _)| column)
+/// The line of a byte, counted from 1.
+fn line(text: &str, offset: usize) -> usize {
+    text[..offset].matches('\n').count() + 1
 }
 
 /// The tokens of a text, without spaces and comments.
@@ -440,7 +312,7 @@ fn tokens(text: &str) -> Vec<Token<'_>> {
         } else if rest.starts_with("//") {
             start += rest.find('\n').unwrap_or(rest.len());
         } else if rest.starts_with("/*") {
-            start += block_comment_length(rest);
+            start += block_comment_length(rest).unwrap_or(rest.len());
         } else {
             let length = token_length(rest, first);
             tokens.push(Token {
@@ -451,25 +323,6 @@ fn tokens(text: &str) -> Vec<Token<'_>> {
         }
     }
     tokens
-}
-
-/// Length of a comment in `/*` and `*/`, which may contain others.
-fn block_comment_length(text: &str) -> usize {
-    let (mut depth, mut length) = (0, 0);
-    while length < text.len() {
-        let rest = &text[length..];
-        if rest.starts_with("/*") {
-            (depth, length) = (depth + 1, length + 2);
-        } else if rest.starts_with("*/") {
-            (depth, length) = (depth - 1, length + 2);
-            if depth == 0 {
-                break;
-            }
-        } else {
-            length += rest.chars().next().map_or(1, char::len_utf8);
-        }
-    }
-    length
 }
 
 fn token_length(text: &str, first: char) -> usize {

@@ -1,6 +1,6 @@
 //! Former names of fields, which are read for one more version.
 
-use std::ops::Range;
+use seedbed_settings::{Node, Tree, Value};
 
 /// Names of fields that were renamed, each with the former one. Digests of settings have the former names, so that
 /// they are those of published results.
@@ -30,29 +30,63 @@ pub struct FormerName {
 /// The fields of a RON text that have former names, in their order.
 #[must_use]
 pub fn former_names_in(text: &str) -> Vec<FormerName> {
+    former_names_of(&Tree::parse_partly(text))
+}
+
+pub(crate) fn former_names_of(tree: &Tree<'_>) -> Vec<FormerName> {
     let mut found = Vec::new();
-    for range in names_of_fields(text) {
-        if let Some((new, former)) = renamed(&text[range.clone()]) {
-            found.push(FormerName {
-                former,
-                new,
-                line: text[..range.start].matches('\n').count() + 1,
-                start: range.start,
-            });
-        }
-    }
+    add_names(&tree.root, tree.text, &mut found);
     found
+}
+
+fn add_names(node: &Node<'_>, text: &str, found: &mut Vec<FormerName>) {
+    match &node.value {
+        Value::Record { fields, .. } => {
+            for field in fields {
+                found.extend(former_name(field.name, field.place.end, text));
+                add_names(&field.value, text, found);
+            }
+        }
+        Value::List(items) | Value::Tuple { items, .. } => {
+            for item in items {
+                add_names(item, text, found);
+            }
+        }
+        Value::Map(entries) => {
+            for (key, value) in entries {
+                if let Value::Name(name) = key.value {
+                    found.extend(former_name(name, key.place.end, text));
+                }
+                add_names(value, text, found);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// What is to be known of the field whose name ends at a byte, if it is a former one.
+fn former_name(name: &str, end: usize, text: &str) -> Option<FormerName> {
+    let (new, former) = renamed(name)?;
+    let start = end - name.len();
+    let line = text[..start].matches('\n').count() + 1;
+    Some(FormerName {
+        former,
+        new,
+        line,
+        start,
+    })
 }
 
 /// A RON text with the names of today. All places in it are the same: a name that is shorter than the former one is
 /// followed by spaces.
 #[must_use]
-pub(crate) fn with_new_names(mut text: String, former_names: &[FormerName]) -> String {
+pub(crate) fn with_new_names(text: &str, former_names: &[FormerName]) -> String {
+    let mut renamed = text.to_owned();
     for name in former_names {
         let padded = format!("{:width$}", name.new, width = name.former.len());
-        text.replace_range(name.start..name.start + name.former.len(), &padded);
+        renamed.replace_range(name.start..name.start + name.former.len(), &padded);
     }
-    text
+    renamed
 }
 
 /// A path such as `algorithm.policy_optimiser.step_size` with the names of today.
@@ -70,65 +104,6 @@ fn renamed(name: &str) -> Option<(&'static str, &'static str)> {
     names.find(|(_, former)| *former == name)
 }
 
-/// Where the names of fields are: identifiers before a colon, outside of texts in quotes and of comments.
-fn names_of_fields(text: &str) -> Vec<Range<usize>> {
-    let bytes = text.as_bytes();
-    let is_of_name = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'_';
-    let mut names = Vec::new();
-    let mut at = 0;
-    while at < bytes.len() {
-        let rest = &text[at..];
-        if let Some(length) = length_of_text_or_comment(rest) {
-            at += length;
-        } else if is_of_name(bytes[at]) {
-            let length = bytes[at..]
-                .iter()
-                .take_while(|byte| is_of_name(**byte))
-                .count();
-            if text[at + length..].trim_start().starts_with(':') {
-                names.push(at..at + length);
-            }
-            at += length;
-        } else {
-            at += rest.chars().next().map_or(1, char::len_utf8);
-        }
-    }
-    names
-}
-
-/// Number of bytes of the text in quotes or of the comment with which `rest` begins; `None` if it begins with something else.
-fn length_of_text_or_comment(rest: &str) -> Option<usize> {
-    if rest.starts_with("//") {
-        return Some(rest.find('\n').unwrap_or(rest.len()));
-    }
-    if rest.starts_with("/*") {
-        return Some(crate::block_comment_length(rest).unwrap_or(rest.len()));
-    }
-    if let Some(raw) = rest.strip_prefix('r') {
-        let marks = raw.bytes().take_while(|byte| *byte == b'#').count();
-        if raw[marks..].starts_with('"') {
-            let end = format!("\"{}", "#".repeat(marks));
-            let start = 1 + marks + 1;
-            let length = rest[start..].find(&end).map(|at| start + at + end.len());
-            return Some(length.unwrap_or(rest.len()));
-        }
-    }
-    rest.starts_with('"').then(|| length_of_quoted(rest))
-}
-
-/// Number of bytes of a text in quotes, with its quotation marks.
-fn length_of_quoted(rest: &str) -> usize {
-    let mut is_escaped = false;
-    for (at, c) in rest.char_indices().skip(1) {
-        match c {
-            '"' if !is_escaped => return at + 1,
-            '\\' => is_escaped = !is_escaped,
-            _ => is_escaped = false,
-        }
-    }
-    rest.len()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -142,7 +117,7 @@ mod tests {
         let names = former_names_in(text);
         let found: Vec<(&str, usize)> = names.iter().map(|name| (name.new, name.line)).collect();
         assert_eq!(found, [("color", 1), ("value_optimizer", 2)]);
-        assert_eq!(with_new_names(text.to_owned(), &names), expected);
+        assert_eq!(with_new_names(text, &names), expected);
     }
 
     #[test]

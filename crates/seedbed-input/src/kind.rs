@@ -114,13 +114,6 @@ fn offset_of(part: &str, text: &str) -> usize {
     part.as_ptr() as usize - text.as_ptr() as usize
 }
 
-/// The byte offset behind the word that names the kind of a file.
-#[must_use]
-pub fn after_first_word(text: &str) -> usize {
-    let word = first_word(text);
-    offset_of(word, text) + word.len()
-}
-
 /// Length of the comment with which `text` begins; `None` if it does not end. Block comments nest.
 #[must_use]
 pub fn block_comment_length(text: &str) -> Option<usize> {

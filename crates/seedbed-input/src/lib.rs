@@ -6,6 +6,7 @@
 //! what the files mean.
 
 mod builtin;
+mod deserializer;
 pub mod edit;
 mod error;
 mod explanation;
@@ -17,25 +18,22 @@ pub mod limits;
 mod located;
 mod names;
 pub mod numbers;
-mod parser;
-mod trial;
 
 use std::path::Path;
 
-use seedbed_settings::Settings;
+use seedbed_settings::{Node, Settings, Tree};
 use serde::de::{DeserializeOwned, IgnoredAny};
 
 pub use builtin::{BuiltinFile, DiskAndBuiltin, is_builtin};
 pub use error::{InputError, Position, error_at};
+pub use explanation::NAME_IN_QUOTES;
 pub use files::{
     Disk, FileSource, find_upwards, folders_upwards, is_ron, read_text, read_text_from, unreadable,
 };
-pub use foreign::NAME_IN_QUOTES;
-use former_names::with_new_names;
 pub use former_names::{FORMER_NAMES, FormerName, former_names_in, path_with_new_names};
-pub use kind::{FileKind, after_first_word, block_comment_length, file_kind};
+use former_names::{former_names_of, with_new_names};
+pub use kind::{FileKind, block_comment_length, file_kind};
 pub use located::{Document, Located, ValidationError, short_located_list};
-use located::{deserialize, deserialize_silently};
 pub use names::{nearest_name, quoted_list};
 
 /// Reads the RON file at `path`.
@@ -51,9 +49,17 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Document<T>, InputError>
 /// # Errors
 /// The text is not a `T`.
 pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document<T>, InputError> {
-    let former_names = former_names_in(&text);
-    let text = with_new_names(text, &former_names);
-    let value = deserialize(origin, &text, None)?;
+    let tree = Tree::parse_partly(&text);
+    let former_names = former_names_of(&tree);
+    if !former_names.is_empty() {
+        let text = with_new_names(&text, &former_names);
+        return Ok(Document {
+            former_names,
+            ..parse(origin, text)?
+        });
+    }
+    let value = deserializer::read(&tree, None)
+        .map_err(|failure| explanation::explained(origin, &text, &failure))?;
     Ok(Document {
         origin: origin.to_owned(),
         text,
@@ -68,10 +74,11 @@ pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document
 /// If the text is not a `T`.
 #[must_use]
 pub fn settings_of<T: DeserializeOwned + PartialEq>(text: &str) -> Settings {
-    let text = &*with_new_names(text.to_owned(), &former_names_in(text));
-    let value: T = deserialize_silently(text).expect("a text that was read before");
-    let is_same = |text: &str| deserialize_silently::<T>(text).is_some_and(|other| other == value);
-    Settings::without_defaults(text, is_same).expect("a text that was read before")
+    let text = &*with_new_names(text, &former_names_in(text));
+    let root = Tree::parse(text).expect("a text that was read before").root;
+    let read = |node: &Node<'_>| deserializer::read_node::<T>(text, node, None).ok();
+    let value = read(&root).expect("a text that was read before");
+    Settings::without_defaults(root, |root| read(root).is_some_and(|other| other == value))
 }
 
 /// Checks that `text` is a single RON value, of any type.
@@ -79,9 +86,9 @@ pub fn settings_of<T: DeserializeOwned + PartialEq>(text: &str) -> Settings {
 /// # Errors
 /// The message of the syntax error.
 pub fn check_ron_value(text: &str) -> Result<(), String> {
-    deserialize::<IgnoredAny>("", text, None)
-        .map(|IgnoredAny| ())
-        .map_err(|error| error.message)
+    let read = deserializer::read::<IgnoredAny>(&Tree::parse_partly(text), None);
+    let checked = read.map(|IgnoredAny| ());
+    checked.map_err(|failure| explanation::explained("", text, &failure).message)
 }
 
 #[cfg(test)]

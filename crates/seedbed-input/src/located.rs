@@ -1,29 +1,27 @@
 //! Values that remember their place in a file.
 //!
-//! RON's deserializer does not pass positions on to values. But it reads the values of a text in
-//! the same order each time, so that a value is identified by its *ordinal*: the number of
-//! [`Located`] values that were read before it. `Located::deserialize` counts them in a
-//! thread-local counter, because serde passes it only the deserializer. To locate a validation
-//! error, the text is deserialized again; the value with the error's ordinal then fails with the
-//! error's message, and the deserializer reports that failure with position and field path like any
-//! other. Unless there is an error, the only cost is the ordinal that each value stores.
+//! The values of a text are read in the same order each time, so that a value is identified by its *ordinal*: the number
+//! of [`Located`] values that were read before it. `Located::deserialize` gets it from the deserializer of this crate. To
+//! locate a validation error, the text is read again; the value with the error's ordinal then fails with the error's
+//! message, and the deserializer reports that failure with place and field like any other. Unless there is an error, the
+//! only cost is the ordinal that each value stores.
 
 use std::borrow::Cow;
-use std::cell::RefCell;
 use std::fmt;
+use std::marker::PhantomData;
 use std::ops::Deref;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
-use serde::de::{DeserializeOwned, Error as _};
+use seedbed_settings::Tree;
+use serde::de::{DeserializeOwned, Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::error::{InputError, position};
-use super::explanation::explain;
-use super::foreign;
+use super::deserializer::{LOCATED, LocatedError, read};
+use super::error::{InputError, Position};
+use super::explanation::explained;
 use super::former_names::FormerName;
 use super::limits::short_list;
 use super::names::{quoted_list, suggestion};
-use super::parser::read;
 
 /// The text of a file together with the value that was read from it.
 #[derive(Debug, Clone)]
@@ -78,22 +76,28 @@ impl<T> Document<T> {
     where
         T: DeserializeOwned,
     {
-        let help = error.help.clone();
-        let message = error.message.clone();
-        let within = error.within;
-        match deserialize::<T>(&self.origin, &self.text, Some(error)) {
-            Err(error) => InputError {
-                help,
-                position: error.position.map(|place| place.moved(within, &self.text)),
-                ..error
-            },
+        let tree = Tree::parse_partly(&self.text);
+        let message = &error.message;
+        let located = error
+            .ordinal
+            .map(|ordinal| LocatedError { ordinal, message });
+        match read::<T>(&tree, located) {
+            Err(failure) => {
+                let found = explained(&self.origin, &self.text, &failure);
+                let moved = |place: Position| place.moved(error.within, &self.text);
+                InputError {
+                    help: error.help,
+                    position: found.position.map(moved),
+                    ..found
+                }
+            }
             // A default value has no place in the text.
             Ok(_) => InputError {
                 origin: self.origin.clone(),
                 position: None,
                 field: String::new(),
-                message,
-                help,
+                message: error.message,
+                help: error.help,
             },
         }
     }
@@ -203,26 +207,30 @@ impl<T: Serialize> Serialize for Located<T> {
 
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for Located<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let value = T::deserialize(deserializer)?;
-        let ordinal = COUNTER.with_borrow_mut(|counter| {
-            // The value is not read by this module, but for example from a checkpoint.
-            let Some(counter) = counter else {
-                return Ok(None);
-            };
-            let ordinal = counter.next;
-            counter.next += 1;
-            match counter
-                .error
-                .take_if(|error| error.ordinal == Some(ordinal))
-            {
-                Some(error) => Err(error.message),
-                None => Ok(Some(ordinal)),
-            }
-        });
-        Ok(Self {
-            value,
-            ordinal: ordinal.map_err(D::Error::custom)?,
-        })
+        deserializer.deserialize_newtype_struct(LOCATED, LocatedVisitor(PhantomData))
+    }
+}
+
+struct LocatedVisitor<T>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for LocatedVisitor<T> {
+    type Value = Located<T>;
+
+    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("a value")
+    }
+
+    /// A value that this crate does not read, but for example from a checkpoint.
+    fn visit_newtype_struct<D: Deserializer<'de>>(self, value: D) -> Result<Located<T>, D::Error> {
+        T::deserialize(value).map(Located::from)
+    }
+
+    /// The value and its ordinal.
+    fn visit_seq<A: SeqAccess<'de>>(self, mut parts: A) -> Result<Located<T>, A::Error> {
+        let value = parts.next_element()?;
+        let value = value.ok_or_else(|| A::Error::invalid_length(0, &self))?;
+        let ordinal = parts.next_element()?;
+        Ok(Located { value, ordinal })
     }
 }
 
@@ -246,54 +254,5 @@ struct ShortList<T>(Vec<T>);
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for ShortList<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         short_list(deserializer).map(Self)
-    }
-}
-
-thread_local! {
-    static COUNTER: RefCell<Option<OrdinalCounter>> = const { RefCell::new(None) };
-}
-
-/// Counts the located values of the text that is being read, and fails at the one with an error.
-struct OrdinalCounter {
-    next: u32,
-    error: Option<ValidationError>,
-}
-
-pub(crate) fn deserialize<T: DeserializeOwned>(
-    origin: &str,
-    text: &str,
-    error: Option<ValidationError>,
-) -> Result<T, InputError> {
-    // A type's `Deserialize` may read another text, so that the outer counter is put back.
-    let outer = COUNTER.replace(Some(OrdinalCounter { next: 0, error }));
-    let result = deserialize_tracked(origin, text);
-    COUNTER.set(outer);
-    result
-}
-
-/// What a text is, without an explanation of what is wrong in it.
-pub(crate) fn deserialize_silently<T: DeserializeOwned>(text: &str) -> Option<T> {
-    read(text).ok()
-}
-
-fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, InputError> {
-    read(text).map_err(|(spanned, field)| located_error::<T>(origin, text, &spanned, field))
-}
-
-fn located_error<T: DeserializeOwned>(
-    origin: &str,
-    text: &str,
-    spanned: &ron::error::SpannedError,
-    field: String,
-) -> InputError {
-    let position = position(text, spanned.span.start.line, spanned.span.start.col);
-    let (message, help) = explain(&spanned.code, &position);
-    let foreign = foreign::correct::<T>(text, &position, &spanned.code);
-    InputError {
-        origin: origin.to_owned(),
-        position: Some(foreign.position.unwrap_or(position)),
-        field: foreign.field.unwrap_or(field),
-        message: foreign.message.unwrap_or(message),
-        help: help.or(foreign.help),
     }
 }

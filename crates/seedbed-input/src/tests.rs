@@ -355,3 +355,90 @@ fn a_located_list_has_at_most_the_maximum_of_entries() {
         "expected a list of at most 1000 entries, found more"
     );
 }
+
+/// Settings without those that have their defaults.
+mod settings {
+    use serde::Deserialize;
+
+    use crate::{Settings, settings_of};
+
+    #[derive(Deserialize, PartialEq)]
+    struct Team {
+        task: String,
+        #[serde(default)]
+        count: u32,
+        #[serde(default)]
+        learner: Learner,
+        #[serde(default)]
+        sizes: Vec<Size>,
+    }
+
+    #[derive(Deserialize, PartialEq)]
+    enum Learner {
+        Gradient {
+            #[serde(default, alias = "standardize")]
+            standardize: bool,
+            #[serde(default)]
+            rate: f32,
+        },
+    }
+
+    impl Default for Learner {
+        fn default() -> Self {
+            Self::Gradient {
+                standardize: false,
+                rate: 0.0,
+            }
+        }
+    }
+
+    #[derive(Deserialize, PartialEq)]
+    struct Size {
+        width: u32,
+        #[serde(default)]
+        height: u32,
+    }
+
+    fn settings(text: &str) -> Settings {
+        settings_of::<Team>(text)
+    }
+
+    #[test]
+    fn defaults_comments_spaces_and_order_do_not_matter() {
+        let short =
+            settings(r#"(task: "pole", learner: Gradient(rate: 0.5), sizes: [(width: 1)])"#);
+        assert_eq!(
+            short.text(&[]),
+            "learner = Gradient\nlearner.rate = 0.5\nsizes[0].width = 1\ntask = \"pole\""
+        );
+        let long = "(count: 0, // none\n sizes: [(height: 0, width: 0x1)], task: r\"pole\", \
+                    learner: Gradient(standardize: false, rate: 5e-1,),)";
+        assert_eq!(settings(long), short);
+        assert_eq!(settings(long).digest(&[]), short.digest(&[]));
+    }
+
+    #[test]
+    fn each_value_that_is_no_default_matters() {
+        let digest = |text| settings(text).digest(&[]);
+        let mut digests = vec![
+            digest(r#"(task: "pole")"#),
+            digest(r#"(task: "Pole")"#),
+            digest(r#"(task: "pole", count: 1)"#),
+            digest(r#"(task: "pole", learner: Gradient(rate: 1))"#),
+            digest(r#"(task: "pole", sizes: [(width: 0)])"#),
+            digest(r#"(task: "pole", sizes: [(width: 0), (width: 0)])"#),
+        ];
+        digests.sort();
+        digests.dedup();
+        assert_eq!(digests.len(), 6);
+    }
+
+    /// SHA-256 of `settings 1\ntask = "pole"`, computed with `sha256sum`.
+    #[test]
+    fn the_digest_is_that_of_the_lines() {
+        assert_eq!(
+            settings(r#"(task: "pole", count: 0)"#).digest(&[]),
+            "074b320dc9b1ca0c55dfb2e8ec3d577deefe456015feab5a90862c770ae695d6"
+        );
+    }
+}

@@ -11,9 +11,10 @@ mod replace;
 mod settings;
 mod tree;
 
+pub use parser::MAX_NESTING;
 pub use replace::{UnknownField, opening, replace};
 pub use settings::{Difference, SCHEMA_VERSION, Settings, sha256};
-pub use tree::{Field, Malformed, Node, Tree, Value};
+pub use tree::{Expected, Field, Malformed, Node, Tree, Value};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

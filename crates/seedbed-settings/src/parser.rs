@@ -1,42 +1,50 @@
 //! Reads RON texts: `value := scalar | text | name | name? '(' fields | items ')' | '[' items ']' | '{' entries '}'`.
+//!
+//! What comes before an error is in the tree, so that types can say first what is wrong with it.
 
-use super::tree::{Field, Malformed, Node, Tree, Value};
+use std::borrow::Cow;
+use std::ops::Range;
 
-/// Largest number of brackets within each other.
-const MAX_DEPTH: usize = 256;
+use super::tree::{Expected, Field, Malformed, Node, Tree, Value};
 
-impl Tree {
+/// Largest number of values within each other, each of which takes stack where it is read.
+pub const MAX_NESTING: usize = 64;
+
+impl<'a> Tree<'a> {
     /// Reads a RON text.
     ///
     /// # Errors
     /// The text is no RON.
-    pub fn parse(text: &str) -> Result<Self, Malformed> {
-        parse(text).map(|root| Self { root })
+    pub fn parse(text: &'a str) -> Result<Self, Malformed> {
+        let tree = Self::parse_partly(text);
+        tree.error.map_or(Ok(tree), Err)
     }
-}
 
-/// Reads a text that is one value.
-fn parse(text: &str) -> Result<Node, Malformed> {
-    let mut parser = Parser {
-        text,
-        at: 0,
-        depth: 0,
-    };
-    parser.skip_byte_order_mark();
-    parser.skip_extensions()?;
-    let node = parser.node()?;
-    parser.skip_space()?;
-    if parser.at == text.len() {
-        Ok(node)
-    } else {
-        Err(parser.error("the end of the text"))
+    /// Reads a RON text as far as it is one.
+    #[must_use]
+    pub fn parse_partly(text: &'a str) -> Self {
+        let mut parser = Parser {
+            text,
+            at: 0,
+            depth: 0,
+            error: None,
+        };
+        let root = match parser.skip_attributes() {
+            Ok(()) => parser.node(),
+            Err(malformed) => parser.end_with(malformed),
+        };
+        let error = parser.error.or_else(|| parser.expect_end().err());
+        Self { text, root, error }
     }
 }
 
 struct Parser<'a> {
     text: &'a str,
     at: usize,
+    /// Number of values around the next one.
     depth: usize,
+    /// Where reading ends.
+    error: Option<Malformed>,
 }
 
 impl<'a> Parser<'a> {
@@ -44,10 +52,19 @@ impl<'a> Parser<'a> {
         &self.text[self.at..]
     }
 
-    fn error(&self, expected: &'static str) -> Malformed {
+    fn error(&self, expected: Expected) -> Malformed {
         Malformed {
             at: self.at,
             expected,
+        }
+    }
+
+    /// The node at which reading ends.
+    fn end_with(&mut self, malformed: Malformed) -> Node<'a> {
+        self.error = Some(malformed);
+        Node {
+            place: malformed.at..malformed.at,
+            value: Value::Malformed(malformed),
         }
     }
 
@@ -64,7 +81,7 @@ impl<'a> Parser<'a> {
         follows
     }
 
-    fn expect(&mut self, token: &str, expected: &'static str) -> Result<(), Malformed> {
+    fn expect(&mut self, token: &str, expected: Expected) -> Result<(), Malformed> {
         if self.take(token) {
             Ok(())
         } else {
@@ -80,16 +97,24 @@ impl<'a> Parser<'a> {
         &rest[..end]
     }
 
-    fn skip_byte_order_mark(&mut self) {
-        self.take("\u{feff}");
+    fn expect_end(&mut self) -> Result<(), Malformed> {
+        self.skip_space()?;
+        if self.rest().is_empty() {
+            Ok(())
+        } else {
+            Err(self.error(Expected::EndOfText))
+        }
     }
 
-    /// Passes `#![enable(…)]`.
-    fn skip_extensions(&mut self) -> Result<(), Malformed> {
+    /// Passes `#![enable(…)]`: what can be enabled always is.
+    fn skip_attributes(&mut self) -> Result<(), Malformed> {
         self.skip_space()?;
-        while self.take("#![") {
-            let end = self.rest().find(']').ok_or(self.error("`]`"))?;
-            self.at += end + 1;
+        while self.rest().starts_with('#') {
+            let attribute = self.rest().split_inclusive(']').next().unwrap_or_default();
+            if !is_attribute(attribute) {
+                return Err(self.error(Expected::Attribute));
+            }
+            self.at += attribute.len();
             self.skip_space()?;
         }
         Ok(())
@@ -98,10 +123,10 @@ impl<'a> Parser<'a> {
     /// Passes spaces and comments; block comments can contain others.
     fn skip_space(&mut self) -> Result<(), Malformed> {
         loop {
-            self.take_while(char::is_whitespace);
+            self.take_while(is_space);
             if self.take("//") {
                 self.take_while(|c| c != '\n');
-            } else if self.take("/*") {
+            } else if self.rest().starts_with("/*") {
                 self.skip_block_comment()?;
             } else {
                 return Ok(());
@@ -110,49 +135,54 @@ impl<'a> Parser<'a> {
     }
 
     fn skip_block_comment(&mut self) -> Result<(), Malformed> {
-        let mut open = 1;
-        while open > 0 {
+        let unclosed = self.error(Expected::EndOfComment);
+        let mut open = 0;
+        loop {
             if self.take("/*") {
                 open += 1;
             } else if self.take("*/") {
                 open -= 1;
             } else {
-                let next = self.next().ok_or(self.error("`*/`"))?;
+                let next = self.next().ok_or(unclosed)?;
                 self.at += next.len_utf8();
             }
+            if open == 0 {
+                return Ok(());
+            }
         }
-        Ok(())
     }
 
-    fn node(&mut self) -> Result<Node, Malformed> {
-        self.skip_space()?;
-        if self.depth == MAX_DEPTH {
-            return Err(self.error("fewer brackets within each other"));
+    fn node(&mut self) -> Node<'a> {
+        let start = match self.skip_space() {
+            Ok(()) => self.at,
+            Err(malformed) => return self.end_with(malformed),
+        };
+        if self.depth == MAX_NESTING {
+            return self.end_with(self.error(Expected::FewerBrackets));
         }
         self.depth += 1;
-        let start = self.at;
-        let value = self.value()?;
+        let value = self.value();
         self.depth -= 1;
-        Ok(Node {
-            place: start..self.at,
-            value,
-        })
+        match value {
+            Ok(value) => Node {
+                place: start..self.at,
+                value,
+            },
+            Err(malformed) => self.end_with(malformed),
+        }
     }
 
-    fn value(&mut self) -> Result<Value, Malformed> {
-        match self.next().ok_or(self.error("a value"))? {
+    fn value(&mut self) -> Result<Value<'a>, Malformed> {
+        match self.next().ok_or(self.error(Expected::Value))? {
             '"' => self.text().map(Value::Text),
-            '\'' => self.character(),
-            '[' => self.list(),
-            '{' => self.map(),
+            '\'' => self.character().map(Value::Character),
+            '[' => Ok(Value::List(self.items("[", "]"))),
+            '{' => Ok(Value::Map(self.entries())),
             '(' => self.parenthesis(None),
             'r' if self.is_raw_text() => self.raw_text().map(Value::Text),
-            'b' if self.rest().starts_with("b\"") => {
-                self.take("b");
-                self.text().map(Value::Text)
-            }
-            c if c.is_ascii_digit() || "+-.".contains(c) => self.number(),
-            _ => self.named(),
+            c if c.is_ascii_digit() || "+-.".contains(c) => Ok(Value::Number(self.number())),
+            c if is_first_of_name(c) => self.named(),
+            _ => Err(self.error(Expected::Value)),
         }
     }
 
@@ -162,171 +192,186 @@ impl<'a> Parser<'a> {
     }
 
     /// `r#"…"#` with any number of `#`.
-    fn raw_text(&mut self) -> Result<String, Malformed> {
+    fn raw_text(&mut self) -> Result<Cow<'a, str>, Malformed> {
+        let unclosed = self.error(Expected::EndOfQuotes);
         self.take("r");
         let hashes = self.take_while(|c| c == '#');
-        self.expect("\"", "`\"`")?;
+        self.take("\"");
         let end = format!("\"{hashes}");
         let rest = self.rest();
-        let length = rest.find(&end).ok_or(self.error("the end of a text"))?;
+        let length = rest.find(&end).ok_or(unclosed)?;
         self.at += length + end.len();
-        Ok(rest[..length].to_owned())
+        Ok(rest[..length].into())
     }
 
-    fn text(&mut self) -> Result<String, Malformed> {
-        self.expect("\"", "`\"`")?;
-        let mut content = String::new();
-        loop {
-            let next = self.next().ok_or(self.error("the end of a text"))?;
-            self.at += next.len_utf8();
-            match next {
-                '"' => return Ok(content),
-                '\\' => content.extend(self.escaped()?),
-                _ => content.push(next),
-            }
+    fn text(&mut self) -> Result<Cow<'a, str>, Malformed> {
+        let unclosed = self.error(Expected::EndOfQuotes);
+        self.take("\"");
+        let mut content = Cow::Borrowed(self.take_while(|c| c != '"' && c != '\\'));
+        while self.take("\\") {
+            let escaped = self.escaped(unclosed)?;
+            let following = self.take_while(|c| c != '"' && c != '\\');
+            content.to_mut().extend(escaped);
+            content.to_mut().push_str(following);
+        }
+        if self.take("\"") {
+            Ok(content)
+        } else {
+            Err(unclosed)
         }
     }
 
     /// What follows a backslash; none for a line that continues.
-    fn escaped(&mut self) -> Result<Option<char>, Malformed> {
-        let next = self.next().ok_or(self.error("an escape"))?;
+    fn escaped(&mut self, unclosed: Malformed) -> Result<Option<char>, Malformed> {
+        if self.take("\n") || self.take("\r\n") {
+            self.take_while(|c| " \t\n\r".contains(c));
+            return Ok(None);
+        }
+        let invalid = self.error(Expected::Escape);
+        let next = self.next().ok_or(unclosed)?;
         self.at += next.len_utf8();
-        Ok(Some(match next {
-            'n' => '\n',
-            't' => '\t',
-            'r' => '\r',
-            '0' => '\0',
+        let code = match next {
+            'n' => '\n'.into(),
+            't' => '\t'.into(),
+            'r' => '\r'.into(),
+            '0' => 0,
             'x' => {
-                let digits = self.rest().get(..2).ok_or(self.error("two digits"))?;
+                let digits = self.rest().get(..2).ok_or(invalid)?;
                 self.at += 2;
-                self.code_point(digits)?
+                let code = u32::from_str_radix(digits, 16).ok();
+                code.filter(|code| *code < 128).ok_or(invalid)?
             }
             'u' => {
-                self.expect("{", "`{`")?;
+                self.expect("{", invalid.expected)?;
                 let digits = self.take_while(|c| c.is_ascii_hexdigit());
-                self.expect("}", "`}`")?;
-                self.code_point(digits)?
+                self.expect("}", invalid.expected)?;
+                u32::from_str_radix(digits, 16).map_err(|_| invalid)?
             }
-            '\n' | '\r' => {
-                self.take_while(char::is_whitespace);
-                return Ok(None);
-            }
-            other => other,
-        }))
+            '\'' | '"' | '\\' => next.into(),
+            _ => return Err(invalid),
+        };
+        char::from_u32(code).map(Some).ok_or(invalid)
     }
 
-    fn code_point(&self, digits: &str) -> Result<char, Malformed> {
-        let code = u32::from_str_radix(digits, 16).ok();
-        code.and_then(char::from_u32)
-            .ok_or(self.error("the number of a character"))
-    }
-
-    fn character(&mut self) -> Result<Value, Malformed> {
+    fn character(&mut self) -> Result<char, Malformed> {
+        let invalid = self.error(Expected::Character);
         self.take("'");
-        let next = self.next().ok_or(self.error("a character"))?;
-        self.at += next.len_utf8();
-        let character = if next == '\\' {
-            self.escaped()?.unwrap_or('\n')
+        let character = if self.take("\\") {
+            self.escaped(invalid)?.unwrap_or('\n')
         } else {
+            let next = self.next().ok_or(invalid)?;
+            self.at += next.len_utf8();
             next
         };
-        self.expect("'", "`'`")?;
-        Ok(Value::Scalar(format!("{character:?}")))
+        if self.take("'") {
+            Ok(character)
+        } else {
+            Err(invalid)
+        }
     }
 
-    fn number(&mut self) -> Result<Value, Malformed> {
+    fn number(&mut self) -> &'a str {
         let start = self.at;
-        let sign = self.take_while(|c| "+-".contains(c));
+        self.take_while(|c| "+-".contains(c));
         let is_part = |c: char| c.is_ascii_alphanumeric() || "._".contains(c);
-        let mut digits = self.take_while(is_part);
+        let digits = self.take_while(is_part);
         // The sign of an exponent.
         if digits.ends_with(['e', 'E']) && !digits.starts_with("0x") {
             self.take_while(|c| "+-".contains(c));
             self.take_while(is_part);
-            digits = &self.text[start + sign.len()..self.at];
         }
-        match canonical_number(sign, digits) {
-            Some(number) => Ok(Value::Scalar(number)),
-            None => Err(Malformed {
-                at: start,
-                expected: "a number",
-            }),
-        }
+        &self.text[start..self.at]
     }
 
-    /// `Name`, `Name(…)`, `true`, `inf`.
-    fn named(&mut self) -> Result<Value, Malformed> {
-        let name = self.name()?;
-        if ["true", "false", "inf", "NaN"].contains(&name) {
-            return Ok(Value::Scalar(name.to_owned()));
-        }
+    /// `Name` or `Name(…)`.
+    fn named(&mut self) -> Result<Value<'a>, Malformed> {
+        let name = self.name().map_err(|_| self.error(Expected::Value))?;
         let end = self.at;
         self.skip_space()?;
-        if self.next() == Some('(') {
-            return self.parenthesis(Some(name.to_owned()));
+        if self.rest().starts_with('(') {
+            return self.parenthesis(Some(name));
         }
         self.at = end;
-        Ok(Value::Tuple {
-            name: Some(name.to_owned()),
-            items: Vec::new(),
-        })
+        Ok(Value::Name(name))
     }
 
+    /// A name; characters such as `-` are only in names after `r#`.
     fn name(&mut self) -> Result<&'a str, Malformed> {
-        self.take("r#");
-        let name = self.take_while(|c| c.is_alphanumeric() || "_.+-".contains(c));
-        if name.is_empty() {
-            return Err(self.error("a name"));
+        let start = self.at;
+        let is_raw = self.take("r#");
+        let is_first = self.next().is_some_and(|c| is_raw || is_first_of_name(c));
+        let name = self.take_while(|c| is_of_name(c) || ".+-".contains(c));
+        if name.is_empty() || !is_first || (!is_raw && name.contains(['.', '+', '-'])) {
+            self.at = start;
+            return Err(self.error(Expected::Name));
         }
         Ok(name)
     }
 
-    fn list(&mut self) -> Result<Value, Malformed> {
-        self.take("[");
-        self.items("]").map(Value::List)
-    }
-
-    fn items(&mut self, end: &str) -> Result<Vec<Node>, Malformed> {
+    fn items(&mut self, start: &str, end: &str) -> Vec<Node<'a>> {
+        self.take(start);
         let mut items = Vec::new();
-        self.skip_space()?;
-        while !self.take(end) {
-            items.push(self.node()?);
-            self.separator(end)?;
+        loop {
+            match self.is_at_end(end, items.is_empty()) {
+                Ok(true) => return items,
+                Ok(false) => items.push(self.node()),
+                Err(malformed) => items.push(self.end_with(malformed)),
+            }
+            if self.error.is_some() {
+                return items;
+            }
         }
-        Ok(items)
     }
 
-    /// The comma after an item, or what ends all items.
-    fn separator(&mut self, end: &str) -> Result<(), Malformed> {
+    /// Passes the comma before an item unless it is the first one, or what ends all items. Whether they end.
+    fn is_at_end(&mut self, end: &str, is_first: bool) -> Result<bool, Malformed> {
         self.skip_space()?;
-        if !self.take(",") && !self.rest().starts_with(end) {
-            return Err(self.error("a comma"));
+        if self.take(end) {
+            return Ok(true);
         }
-        self.skip_space()
+        if !is_first {
+            self.expect(",", Expected::Comma)?;
+            self.skip_space()?;
+        }
+        Ok(self.take(end))
     }
 
-    fn map(&mut self) -> Result<Value, Malformed> {
+    fn entries(&mut self) -> Vec<(Node<'a>, Node<'a>)> {
         self.take("{");
         let mut entries = Vec::new();
-        self.skip_space()?;
-        while !self.take("}") {
-            let key = self.node()?;
-            self.skip_space()?;
-            self.expect(":", "`:`")?;
-            entries.push((key, self.node()?));
-            self.separator("}")?;
+        loop {
+            let key = match self.is_at_end("}", entries.is_empty()) {
+                Ok(true) => return entries,
+                Ok(false) => self.node(),
+                Err(malformed) => self.end_with(malformed),
+            };
+            let value = match (key.malformed(), self.error) {
+                (None, None) => self.after_colon(),
+                (_, Some(malformed)) | (Some(malformed), None) => self.end_with(malformed),
+            };
+            entries.push((key, value));
+            if self.error.is_some() {
+                return entries;
+            }
         }
-        Ok(Value::Map(entries))
     }
 
-    fn parenthesis(&mut self, name: Option<String>) -> Result<Value, Malformed> {
+    fn after_colon(&mut self) -> Node<'a> {
+        let colon = self.skip_space();
+        match colon.and_then(|()| self.expect(":", Expected::Colon)) {
+            Ok(()) => self.node(),
+            Err(malformed) => self.end_with(malformed),
+        }
+    }
+
+    fn parenthesis(&mut self, name: Option<&'a str>) -> Result<Value<'a>, Malformed> {
         self.take("(");
         self.skip_space()?;
         if self.begins_with_field()? {
-            let fields = self.fields()?;
+            let fields = self.fields();
             return Ok(Value::Record { name, fields });
         }
-        let items = self.items(")")?;
+        let items = self.items("", ")");
         Ok(Value::Tuple { name, items })
     }
 
@@ -341,53 +386,71 @@ impl<'a> Parser<'a> {
         Ok(is_field)
     }
 
-    fn fields(&mut self) -> Result<Vec<Field>, Malformed> {
+    fn fields(&mut self) -> Vec<Field<'a>> {
         let mut fields = Vec::new();
-        while !self.take(")") {
-            let start = self.at;
-            let name = self.name()?.to_owned();
-            self.skip_space()?;
-            self.expect(":", "`:`")?;
-            let value = self.node()?;
-            self.skip_space()?;
-            self.take(",");
-            let place = start..self.at;
-            fields.push(Field { name, place, value });
-            self.skip_space()?;
+        loop {
+            match self.is_at_end(")", fields.is_empty()) {
+                Ok(true) => return fields,
+                Ok(false) => fields.push(self.field()),
+                Err(malformed) => fields.push(self.field_at_end(malformed)),
+            }
+            if self.error.is_some() {
+                return fields;
+            }
         }
-        Ok(fields)
+    }
+
+    fn field(&mut self) -> Field<'a> {
+        let start = self.at;
+        match self.name() {
+            Ok(name) => Field {
+                name,
+                place: start..self.at,
+                value: self.after_colon(),
+            },
+            Err(malformed) => self.field_at_end(malformed),
+        }
+    }
+
+    /// What stands for a field without a name, at which reading ends.
+    fn field_at_end(&mut self, malformed: Malformed) -> Field<'a> {
+        let value = self.end_with(malformed);
+        let place: Range<usize> = value.place.clone();
+        Field {
+            name: "",
+            place,
+            value,
+        }
     }
 }
 
-/// A number as it is written in identities: whole numbers in full, others with the fewest digits that read back the
-/// same.
-fn canonical_number(sign: &str, digits: &str) -> Option<String> {
-    let digits = digits.replace('_', "");
-    let sign = match sign {
-        "" | "+" => "",
-        "-" => "-",
-        _ => return None,
-    };
-    if let Some(whole) = whole_number(&digits) {
-        return Some(format!("{sign}{whole}"));
-    }
-    if ["inf", "NaN"].contains(&digits.as_str()) {
-        return Some(format!("{sign}{digits}"));
-    }
-    let number: f64 = digits
-        .trim_end_matches("f32")
-        .trim_end_matches("f64")
-        .parse()
-        .ok()?;
-    Some(format!("{sign}{number}"))
+/// Whether a text is `#![enable(…)]` with names that RON has.
+fn is_attribute(text: &str) -> bool {
+    const NAMES: [&str; 4] = [
+        "explicit_struct_names",
+        "implicit_some",
+        "unwrap_newtypes",
+        "unwrap_variant_newtypes",
+    ];
+    let dense: String = text.chars().filter(|c| !is_space(*c)).collect();
+    let names = dense.strip_prefix("#![enable(");
+    let names = names.and_then(|names| names.strip_suffix(")]"));
+    let is_known = |name: &str| name.is_empty() || NAMES.contains(&name);
+    names.is_some_and(|names| names.split(',').all(is_known))
 }
 
-fn whole_number(digits: &str) -> Option<u128> {
-    let with_base = [("0x", 16), ("0o", 8), ("0b", 2)];
-    for (prefix, base) in with_base {
-        if let Some(rest) = digits.strip_prefix(prefix) {
-            return u128::from_str_radix(rest, base).ok();
-        }
-    }
-    digits.parse().ok()
+/// As RON's reference implementation has it.
+fn is_space(c: char) -> bool {
+    matches!(
+        c,
+        ' ' | '\t'..='\r' | '\u{85}' | '\u{200e}' | '\u{200f}' | '\u{2028}' | '\u{2029}'
+    )
+}
+
+fn is_first_of_name(c: char) -> bool {
+    c.is_alphabetic() || c == '_'
+}
+
+fn is_of_name(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
 }

@@ -38,7 +38,7 @@ pub fn replace(text: &str, path: &str, value: &str) -> Result<String, UnknownFie
 }
 
 /// The value of the field at `path`.
-fn find<'a>(root: &'a Node, path: &str) -> Result<&'a Node, UnknownField> {
+fn find<'n, 'a>(root: &'n Node<'a>, path: &str) -> Result<&'n Node<'a>, UnknownField> {
     let mut node = root;
     for name in path.split('.') {
         if let Some(field) = node.fields().iter().find(|field| field.name == name) {
@@ -49,7 +49,7 @@ fn find<'a>(root: &'a Node, path: &str) -> Result<&'a Node, UnknownField> {
                 known_fields: node
                     .fields()
                     .iter()
-                    .map(|field| field.name.clone())
+                    .map(|field| field.name.to_owned())
                     .collect(),
             });
         }

@@ -1,11 +1,10 @@
 //! Settings without those that have their defaults: what identifies a run.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use sha2::{Digest, Sha256};
 
-use super::tree::{Malformed, Node, Tree, Value};
+use super::tree::{Field, Malformed, Node, Tree, Value};
 
 /// Version of [`Settings::digest`]. It grows when a default changes, because a field that is left out means another
 /// value then; a new field with a default changes no digest.
@@ -44,22 +43,15 @@ impl Settings {
         Ok(Self::of_node(&Tree::parse(text)?.root))
     }
 
-    /// The values of a RON text without fields that have their defaults. `is_same` says whether a text, in which
-    /// fields are replaced by spaces, is read as the same value as the whole text.
-    ///
-    /// # Errors
-    /// The text is no RON.
+    /// The values of a tree without fields that have their defaults. `is_same` says whether a tree, in which fields
+    /// are left out, is read as the same value as the whole tree.
+    #[must_use]
     pub fn without_defaults(
-        text: &str,
-        is_same: impl FnMut(&str) -> bool,
-    ) -> Result<Self, Malformed> {
-        let mut root = Tree::parse(text)?.root;
-        let mut shortened = Shortened {
-            text: text.to_owned(),
-            is_same,
-        };
-        shortened.remove_defaults(&mut root);
-        Ok(Self::of_node(&root))
+        mut root: Node<'_>,
+        mut is_same: impl FnMut(&Node<'_>) -> bool,
+    ) -> Self {
+        remove_defaults(&mut root, &mut Vec::new(), &mut is_same);
+        Self::of_node(&root)
     }
 
     /// The settings without the value at `path` and all values below it.
@@ -83,16 +75,18 @@ impl Settings {
         self
     }
 
-    fn of_node(root: &Node) -> Self {
+    fn of_node(root: &Node<'_>) -> Self {
         let mut settings = Self::default();
         settings.add(root, "");
         settings
     }
 
-    fn add(&mut self, node: &Node, path: &str) {
+    fn add(&mut self, node: &Node<'_>, path: &str) {
         match &node.value {
-            Value::Scalar(value) => self.insert(path, value.clone()),
+            Value::Number(number) => self.insert(path, canonical_number(number)),
+            Value::Character(character) => self.insert(path, format!("{character:?}")),
             Value::Text(text) => self.insert(path, format!("{text:?}")),
+            Value::Name(name) => self.insert(path, (*name).to_owned()),
             Value::List(items) => self.add_items(items, path, "[]"),
             Value::Map(entries) => {
                 for (key, value) in entries {
@@ -101,25 +95,26 @@ impl Settings {
                 }
             }
             Value::Record { name, fields } => {
-                self.insert_name(path, name.as_deref());
+                self.insert_name(path, *name);
                 for field in fields {
                     let dot = if path.is_empty() { "" } else { "." };
                     self.add(&field.value, &format!("{path}{dot}{}", field.name));
                 }
             }
             // Whether `Some` is written does not matter.
-            Value::Tuple { name, items } if name.as_deref() == Some("Some") && items.len() == 1 => {
+            Value::Tuple { name, items } if *name == Some("Some") && items.len() == 1 => {
                 self.add(&items[0], path);
             }
             Value::Tuple { name, items } => {
-                self.insert_name(path, name.as_deref());
+                self.insert_name(path, *name);
                 self.add_items(items, path, "");
             }
+            Value::Malformed(_) => {}
         }
     }
 
     /// Adds items as `path[0]`, `path[1]`…, and `empty` if there are none.
-    fn add_items(&mut self, items: &[Node], path: &str, empty: &str) {
+    fn add_items(&mut self, items: &[Node<'_>], path: &str, empty: &str) {
         if items.is_empty() && !empty.is_empty() {
             self.insert(path, empty.to_owned());
         }
@@ -198,147 +193,112 @@ fn with_name(part: &str, name: impl Fn(&str) -> String) -> String {
     format!("{}{}", name(&part[..end]), &part[end..])
 }
 
-/// A text in which fields are replaced by spaces.
-struct Shortened<F> {
-    text: String,
-    is_same: F,
+/// Removes all fields below the node at `path` that have their defaults. A path has the number of the child at each
+/// level.
+fn remove_defaults<'a>(
+    root: &mut Node<'a>,
+    path: &mut Vec<usize>,
+    is_same: &mut impl FnMut(&Node<'a>) -> bool,
+) {
+    let mut index = 0;
+    while index < node_at(root, path).children().count() {
+        if let Some(field) = remove_field(root, path, index) {
+            if is_same(root) {
+                continue;
+            }
+            if let Value::Record { fields, .. } = &mut node_at(root, path).value {
+                fields.insert(index, field);
+            }
+        }
+        path.push(index);
+        remove_defaults(root, path, is_same);
+        path.pop();
+        index += 1;
+    }
 }
 
-impl<F: FnMut(&str) -> bool> Shortened<F> {
-    /// Removes all fields below `node` that have their defaults.
-    fn remove_defaults(&mut self, node: &mut Node) {
-        match &mut node.value {
-            Value::Scalar(_) | Value::Text(_) => {}
-            Value::List(items) | Value::Tuple { items, .. } => {
-                for item in items {
-                    self.remove_defaults(item);
-                }
-            }
-            Value::Map(entries) => {
-                for (_, value) in entries {
-                    self.remove_defaults(value);
-                }
-            }
-            Value::Record { fields, .. } => {
-                fields.retain_mut(|field| {
-                    let is_default = self.remove(field.place.clone());
-                    if !is_default {
-                        self.remove_defaults(&mut field.value);
-                    }
-                    !is_default
-                });
-            }
-        }
+/// Removes a field of the node at `path`, if it is a record.
+fn remove_field<'a>(root: &mut Node<'a>, path: &[usize], index: usize) -> Option<Field<'a>> {
+    match &mut node_at(root, path).value {
+        Value::Record { fields, .. } => Some(fields.remove(index)),
+        _ => None,
     }
+}
 
-    /// Replaces a part by spaces, if the text is still read as the same value.
-    fn remove(&mut self, place: Range<usize>) -> bool {
-        let spaces = " ".repeat(place.len());
-        let removed = self.text[place.clone()].to_owned();
-        self.text.replace_range(place.clone(), &spaces);
-        let is_same = (self.is_same)(&self.text);
-        if !is_same {
-            self.text.replace_range(place, &removed);
+fn node_at<'n, 'a>(root: &'n mut Node<'a>, path: &[usize]) -> &'n mut Node<'a> {
+    let child = |node: &'n mut Node<'a>, index: &usize| node.children().nth(*index);
+    let found = path.iter().try_fold(root, child);
+    found.expect("a path to a node of the tree")
+}
+
+impl Node<'_> {
+    /// The values directly in it, but not the keys of a map.
+    fn children(&mut self) -> Box<dyn Iterator<Item = &mut Self> + '_> {
+        match &mut self.value {
+            Value::List(items) | Value::Tuple { items, .. } => Box::new(items.iter_mut()),
+            Value::Map(entries) => Box::new(entries.iter_mut().map(|(_, value)| value)),
+            Value::Record { fields, .. } => {
+                Box::new(fields.iter_mut().map(|field| &mut field.value))
+            }
+            _ => Box::new([].into_iter()),
         }
-        is_same
     }
+}
+
+/// A number as it is written in identities: whole numbers in full, others with the fewest digits that read back the
+/// same.
+fn canonical_number(number: &str) -> String {
+    let digits = number.trim_start_matches(['+', '-']).replace('_', "");
+    let sign = if number.starts_with('-') { "-" } else { "" };
+    if let Some(whole) = whole_number(&digits) {
+        return format!("{sign}{whole}");
+    }
+    match digits.parse::<f64>() {
+        Ok(number) => format!("{sign}{number}"),
+        Err(_) => format!("{sign}{digits}"),
+    }
+}
+
+fn whole_number(digits: &str) -> Option<u128> {
+    let with_base = [("0x", 16), ("0o", 8), ("0b", 2)];
+    for (prefix, base) in with_base {
+        if let Some(rest) = digits.strip_prefix(prefix) {
+            return u128::from_str_radix(rest, base).ok();
+        }
+    }
+    digits.parse().ok()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde::Deserialize;
-
-    #[derive(Deserialize, PartialEq)]
-    struct Team {
-        task: String,
-        #[serde(default)]
-        count: u32,
-        #[serde(default)]
-        learner: Learner,
-        #[serde(default)]
-        sizes: Vec<Size>,
-    }
-
-    #[derive(Deserialize, PartialEq)]
-    enum Learner {
-        Gradient {
-            #[serde(default, alias = "standardize")]
-            standardize: bool,
-            #[serde(default)]
-            rate: f32,
-        },
-    }
-
-    impl Default for Learner {
-        fn default() -> Self {
-            Self::Gradient {
-                standardize: false,
-                rate: 0.0,
-            }
-        }
-    }
-
-    #[derive(Deserialize, PartialEq)]
-    struct Size {
-        width: u32,
-        #[serde(default)]
-        height: u32,
-    }
 
     fn settings(text: &str) -> Settings {
-        let team: Team = ron::from_str(text).unwrap();
-        let is_same = |text: &str| ron::from_str::<Team>(text).is_ok_and(|other| other == team);
-        Settings::without_defaults(text, is_same).unwrap()
+        Settings::of(text).unwrap()
     }
 
+    /// As if 0 were the default everywhere.
     #[test]
-    fn defaults_comments_spaces_and_order_do_not_matter() {
-        let short =
-            settings(r#"(task: "pole", learner: Gradient(rate: 0.5), sizes: [(width: 1)])"#);
-        assert_eq!(
-            short.text(&[]),
-            "learner = Gradient\nlearner.rate = 0.5\nsizes[0].width = 1\ntask = \"pole\""
-        );
-        let long = "(count: 0, // none\n sizes: [(height: 0, width: 0x1)], task: r\"pole\", \
-                    learner: Gradient(standardize: false, rate: 5e-1,),)";
-        assert_eq!(settings(long), short);
-        assert_eq!(settings(long).digest(&[]), short.digest(&[]));
-    }
-
-    #[test]
-    fn each_value_that_is_no_default_matters() {
-        let digest = |text| settings(text).digest(&[]);
-        let mut digests = vec![
-            digest(r#"(task: "pole")"#),
-            digest(r#"(task: "Pole")"#),
-            digest(r#"(task: "pole", count: 1)"#),
-            digest(r#"(task: "pole", learner: Gradient(rate: 1))"#),
-            digest(r#"(task: "pole", sizes: [(width: 0)])"#),
-            digest(r#"(task: "pole", sizes: [(width: 0), (width: 0)])"#),
-        ];
-        digests.sort();
-        digests.dedup();
-        assert_eq!(digests.len(), 6);
+    fn fields_with_defaults_are_left_out() {
+        let without_zeros = |node: &Node<'_>| {
+            let mut settings = Settings::of_node(node);
+            settings.values.retain(|_, value| value != "0");
+            settings
+        };
+        let tree = Tree::parse("A(x: 0, b: [(x: 1), (x: 0, y: 0)], c: {1: B(x: 0)})").unwrap();
+        let expected = without_zeros(&tree.root);
+        let is_same = |shorter: &Node<'_>| without_zeros(shorter) == expected;
+        let settings = Settings::without_defaults(tree.root, is_same);
+        assert_eq!(settings.text(&[]), " = A\nb[0].x = 1\nc{1} = B");
     }
 
     #[test]
     fn a_renamed_field_keeps_the_digest() {
-        let of = |text| Settings::of(text).unwrap();
-        let former = of(r#"(task: "pole", learner: Gradient(whiten: true))"#);
-        let renamed = of(r#"(task: "pole", learner: Gradient(standardize: true))"#);
+        let former = settings(r#"(task: "pole", learner: Gradient(whiten: true))"#);
+        let renamed = settings(r#"(task: "pole", learner: Gradient(standardize: true))"#);
         assert_ne!(former, renamed);
         let names = [("standardize", "whiten")];
         assert_eq!(former.digest(&names), renamed.digest(&names));
-    }
-
-    /// SHA-256 of `settings 1\ntask = "pole"`, computed with `sha256sum`.
-    #[test]
-    fn the_digest_is_that_of_the_lines() {
-        assert_eq!(
-            settings(r#"(task: "pole", count: 0)"#).digest(&[]),
-            "074b320dc9b1ca0c55dfb2e8ec3d577deefe456015feab5a90862c770ae695d6"
-        );
     }
 
     #[test]

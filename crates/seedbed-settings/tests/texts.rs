@@ -46,7 +46,7 @@ proptest! {
 
     /// Texts that are no RON may be read, but not the other way round.
     #[test]
-    fn what_ron_reads_is_read(text in "[()\\[\\]{}:,\"ab01 ]{0,12}") {
+    fn what_ron_reads_is_read(text in "[()\\[\\]{}:,\"ac01 ]{0,12}") {
         if ron::from_str::<Value>(&text).is_ok() {
             prop_assert!(Tree::parse(&text).is_ok(), "{text}");
         }

@@ -59,7 +59,7 @@ fn repeat_a_run_of_each(
         let chosen = [run];
         let differing = verify::repeat(plan, &chosen, source, jobs(&args.execution))?;
         if !differing.is_empty() {
-            let file = source.result_file(&run.cell.digest, run.run_seed);
+            let file = source.result_file(run.cell.digest(), run.run_seed);
             return Err(CliError::Usage(format!(
                 "{}: the run gives another result when it is repeated, so that nothing was copied: the \
                  file was changed, or comes from other code or another kind of machine; draw {}",

@@ -11,8 +11,8 @@ use seedbed_stats::power::MAX_RUNS;
 
 /// Registers a study. `folder` may have runs from before.
 pub(super) fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
-    let lock =
-        Lock::register(plan, |cell| folder.count_runs(&cell.digest)).map_err(registration_error)?;
+    let lock = Lock::register(plan, |cell| folder.count_runs(cell.digest()))
+        .map_err(registration_error)?;
     let confirmatory = plan
         .study()
         .claims

@@ -36,7 +36,7 @@ pub(super) fn run_one(
         .write_manifest(plan)
         .map_err(|error| CliError::Runtime(error.to_string()))?;
     folder.remove_checkpoints_of_finished(&[*run]);
-    let file = folder.result_file(&run.cell.digest, run.run_seed);
+    let file = folder.result_file(run.cell.digest(), run.run_seed);
     let was_stored = folder
         .stored_run(run)
         .is_some_and(|stored| keeps_result(&args.execution, &stored));

@@ -1,7 +1,7 @@
 //! Cells of a study and their runs.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
 
@@ -23,8 +23,8 @@ pub struct Cell {
     pub overrides: Vec<String>,
     /// Where its runs come from.
     pub source: Arc<dyn RunSource>,
-    /// Hash of everything on which runs of this cell depend, except their run seeds.
-    pub digest: String,
+    /// Its [`digest`](Self::digest), when it is needed.
+    pub(in crate::study) digest: OnceLock<String>,
     /// Numbers of first episodes whose visited states are stored, in ascending order.
     pub windows: Vec<u32>,
 }
@@ -93,11 +93,17 @@ pub struct CellDescription {
 }
 
 impl Cell {
+    /// Hash of everything on which runs of this cell depend, except their run seeds.
+    #[must_use]
+    pub fn digest(&self) -> &str {
+        self.digest.get_or_init(|| self.source.digest())
+    }
+
     /// What readers of its results are told of it.
     pub(in crate::study) fn description(&self) -> CellDescription {
         CellDescription {
             name: self.name.clone(),
-            digest: self.digest.clone(),
+            digest: self.digest().to_owned(),
             scenario: shown_path(&self.scenario),
             overrides: self.overrides.clone(),
             agents: self.source.agents(),

@@ -1,12 +1,12 @@
 //! Drafts of cells: the combinations of a grid and the named cells of a study file, before their scenarios are read.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::cell::Cell;
 use super::figure::{EpisodeWindow, Figure};
 use super::file::{Axis, NamedCell, Study};
-use super::run_source::{self, RunSource as _, ScenarioRuns};
+use super::run_source::{self, ScenarioRuns};
 use crate::experiment::{self, LoadError, LoadStep};
 use crate::input_files::{self, Directory};
 use crate::study::external::Problem;
@@ -147,14 +147,18 @@ fn name_tasks_of_external_cells(study: &Study, cells: &mut [Cell]) -> Result<(),
 /// Gives each cell the windows of all cells with equal settings, because these cells share their
 /// runs.
 fn share_windows(cells: &mut [Cell]) {
+    // Most studies have none, and need no digests here.
+    if cells.iter().all(|cell| cell.windows.is_empty()) {
+        return;
+    }
     let windows_by_digest: Vec<(String, Vec<u32>)> = cells
         .iter()
-        .map(|cell| (cell.digest.clone(), cell.windows.clone()))
+        .map(|cell| (cell.digest().to_owned(), cell.windows.clone()))
         .collect();
     for cell in cells {
         let shared = windows_by_digest
             .iter()
-            .filter(|(digest, _)| *digest == cell.digest);
+            .filter(|(digest, _)| *digest == cell.digest());
         cell.windows = shared.flat_map(|(_, windows)| windows).copied().collect();
         cell.windows.sort_unstable();
         cell.windows.dedup();
@@ -248,13 +252,8 @@ fn error_place<'a>(
     number: usize,
     draft: &CellDraft<'a>,
 ) -> Option<&'a Located<String>> {
-    let grid_cell_count: usize = if study.grid.is_empty() {
-        0
-    } else {
-        study.grid.iter().map(|axis| axis.values.len()).product()
-    };
     let named_cell = number
-        .checked_sub(grid_cell_count)
+        .checked_sub(study.grid_cell_count())
         .and_then(|number| study.cells.get(number));
     named_cell
         .map(|cell| &cell.name)
@@ -321,7 +320,7 @@ impl<'a> CellDraft<'a> {
                 name,
                 scenario,
                 overrides: Vec::new(),
-                digest: source.digest(),
+                digest: OnceLock::new(),
                 source,
                 windows: Vec::new(),
             });
@@ -345,13 +344,12 @@ impl<'a> CellDraft<'a> {
             };
             error_at(place, &error)
         })?;
-        let runs = ScenarioRuns::new(loaded.experiment);
         Ok(Cell {
-            digest: runs.digest(),
+            digest: OnceLock::new(),
             windows: windows(figures, &name),
             scenario: path.display().to_string(),
             overrides,
-            source: Arc::new(runs),
+            source: Arc::new(ScenarioRuns::new(loaded.experiment)),
             name,
         })
     }

@@ -1,14 +1,18 @@
 //! Study files: the cells that are compared, the number of runs per cell, and claims that are
 //! registered before the runs.
 
+use std::path::Path;
+
 use serde::Deserialize;
 
 use super::direction::ClaimDirection;
 use super::figure::Figure;
 use crate::experiment::measure::Measure;
+use crate::input_files;
+use crate::scenario::synonyms;
 use crate::study::external::source::{ResultsSource, SolvedAt};
 use seedbed_input::numbers::{Count, Fraction, Positive, ranged_count};
-use seedbed_input::{Located, ValidationError};
+use seedbed_input::{Document, InputError, Located, ValidationError};
 
 /// First run seed for reported results. Smaller run seeds are for tuning.
 pub const FIRST_REPORTING_SEED: u64 = 1000;
@@ -316,6 +320,28 @@ fn unknown_part(part: &Located<String>) -> ValidationError {
 }
 
 impl Study {
+    /// Reads a study.
+    ///
+    /// # Errors
+    /// The file is no study.
+    pub fn read(path: &Path) -> Result<Document<Self>, InputError> {
+        input_files::read(path).map_err(synonyms::explain_in_study)
+    }
+
+    /// Number of cells of the grid.
+    pub(super) fn grid_cell_count(&self) -> usize {
+        if self.grid.is_empty() {
+            return 0;
+        }
+        self.grid.iter().map(|axis| axis.values.len()).product()
+    }
+
+    /// Number of cells.
+    #[must_use]
+    pub fn cell_count(&self) -> usize {
+        (self.grid_cell_count() + self.cells.len()).max(1)
+    }
+
     /// Main measure of the study: the first one.
     ///
     /// # Panics

@@ -101,7 +101,8 @@ fn former_measure(text: &str) -> Option<Measure> {
         text.remove(start + length);
         text.replace_range(start..start + NUMBER.len(), "");
     }
-    ron::from_str(&text).ok()
+    let document = seedbed_input::parse("", text).ok()?;
+    Some(document.value)
 }
 
 #[cfg(test)]
@@ -174,7 +175,7 @@ mod tests {
     fn a_changed_cell_is_not_in_its_lock() {
         let path = Path::new("scenarios/coordination/planners.ron");
         let mut plan = StudyPlan::load_before_results(path, false).unwrap();
-        plan.cells[0].digest = "0".repeat(64);
+        plan.cells[0].digest = "0".repeat(64).into();
         let error = plan.registered().unwrap_err().to_string();
         assert!(
             error.contains("the settings of cell `own draws` were changed"),

@@ -8,8 +8,6 @@ use super::drafts::cells;
 use super::figure::Figure;
 use super::file::Study;
 use super::lock::Lock;
-use crate::input_files::{self};
-use crate::scenario::synonyms;
 use crate::study::external::{ExternalRuns, Problem};
 use crate::text::file_stem;
 use seedbed_input::{Document, InputError, ValidationError};
@@ -54,8 +52,7 @@ impl StudyPlan {
     /// # Errors
     /// See [`load`](Self::load).
     pub fn load_before_results(path: &Path, quick: bool) -> Result<Self, InputError> {
-        let document = input_files::read(path).map_err(synonyms::explain_in_study);
-        let document: Document<Study> = document?;
+        let document = Study::read(path)?;
         let cells = cells(&document.value, path, quick).map_err(|problem| match problem {
             Problem::Study(error) => document.locate(error),
             Problem::Data(error) => error,
@@ -135,7 +132,7 @@ impl StudyPlan {
         let mut seen = HashSet::new();
         self.runs()
             .into_iter()
-            .filter(|run| seen.insert((run.cell.digest.as_str(), run.run_seed)))
+            .filter(|run| seen.insert((run.cell.digest(), run.run_seed)))
             .collect()
     }
 

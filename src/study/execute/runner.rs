@@ -86,7 +86,7 @@ impl ExpectedResults for StudyFolder {
     }
 
     fn location(&self, run: &PlannedRun<'_>) -> PathBuf {
-        self.result_file(&run.cell.digest, run.run_seed)
+        self.result_file(run.cell.digest(), run.run_seed)
     }
 }
 
@@ -181,7 +181,7 @@ impl<'a, 'f, E: Send> SharedQueue<'a, 'f, E> {
             let mut queue = CellQueue {
                 shared: self,
                 on_outcome,
-                digest: &first.0.cell.digest,
+                digest: first.0.cell.digest(),
                 first: Some(first.clone()),
                 unfinished: Vec::new(),
             };
@@ -201,7 +201,7 @@ impl<'a, 'f, E: Send> SharedQueue<'a, 'f, E> {
         }
         let mut waiting = lock(&self.waiting);
         let is_wanted =
-            |run: &PlannedRun<'_>| digest.is_none_or(|digest| run.cell.digest == digest);
+            |run: &PlannedRun<'_>| digest.is_none_or(|digest| run.cell.digest() == digest);
         let index = waiting.iter().position(|(run, _)| is_wanted(run))?;
         waiting.remove(index)
     }

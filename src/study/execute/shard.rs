@@ -77,7 +77,7 @@ struct Item<'a> {
 impl<'a> Item<'a> {
     fn of(run: &PlannedRun<'a>) -> Self {
         Self {
-            cell: &run.cell.digest,
+            cell: run.cell.digest(),
             cost: run.cell.source.cost().max(0.0),
             together: run.cell.source.runs_together(),
         }

@@ -94,7 +94,7 @@ impl StudyFolder {
     /// run should have, or if an earlier version rounded returns of others more than their files.
     #[must_use]
     pub fn stored_run(&self, run: &PlannedRun<'_>) -> Option<StoredRun> {
-        let stored = self.find_run(&run.cell.digest, run.run_seed, run.windows())?;
+        let stored = self.find_run(run.cell.digest(), run.run_seed, run.windows())?;
         let external = run.cell.source.found();
         let current = external.and_then(|runs| runs.result(run.run_seed));
         let is_as_rounded = match (&stored.outcome, current) {
@@ -113,7 +113,7 @@ impl StudyFolder {
         run: &PlannedRun<'_>,
         outcome: Result<RunResult, String>,
     ) -> Result<StoredRun, FileError> {
-        let stored = StoredRun::new(run.cell.digest.clone(), run.run_seed, outcome);
+        let stored = StoredRun::new(run.cell.digest().to_owned(), run.run_seed, outcome);
         let path = self.result_file(&stored.digest, stored.run_seed);
         replace_file(path, &stored.to_bytes())?;
         Ok(stored)
@@ -135,7 +135,7 @@ impl StudyFolder {
             (_, Some((mark, true))) => RunState::Running(mark),
             (Some(Err(_)), _) => RunState::Failed,
             (None, Some((mark, false))) => RunState::Interrupted(Some(mark)),
-            (None, None) if self.damaged_file(&run.cell.digest, run.run_seed).is_some() => {
+            (None, None) if self.damaged_file(run.cell.digest(), run.run_seed).is_some() => {
                 RunState::Damaged
             }
             (None, None) if self.saved_progress(run).is_some() => RunState::Interrupted(None),
@@ -145,13 +145,13 @@ impl StudyFolder {
 
     /// Path of the mark of a run that a process executes.
     pub(in crate::study) fn mark_file(&self, run: &PlannedRun<'_>) -> PathBuf {
-        let result = self.result_file(&run.cell.digest, run.run_seed);
+        let result = self.result_file(run.cell.digest(), run.run_seed);
         result.with_extension(run_marks::EXTENSION)
     }
 
     /// Path of the checkpoint of a run that is not finished.
     fn checkpoint_file(&self, run: &PlannedRun<'_>) -> PathBuf {
-        checkpoint::file_in(&self.runs_folder(), &run.cell.digest, run.run_seed)
+        checkpoint::file_in(&self.runs_folder(), run.cell.digest(), run.run_seed)
     }
 
     /// How far the checkpoint of a run is; `None` if this build cannot continue from one.
@@ -309,7 +309,7 @@ impl StudyFolder {
             let mut stored = runs
                 .iter()
                 .filter(|run| run.name.is_none())
-                .map(|run| self.find_run(&run.cell.digest, run.run_seed, &[]));
+                .map(|run| self.find_run(run.cell.digest(), run.run_seed, &[]));
             stored.any(|stored| stored.is_some())
         };
         if previous.repeats != plan.repeats() && has_runs() {

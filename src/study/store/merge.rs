@@ -126,7 +126,7 @@ pub fn merge(
 
 /// Number of result files that are not those of `runs`.
 fn other_files(folder: &StudyFolder, runs: &[PlannedRun<'_>]) -> usize {
-    let path = |run: &PlannedRun<'_>| folder.result_file(&run.cell.digest, run.run_seed);
+    let path = |run: &PlannedRun<'_>| folder.result_file(run.cell.digest(), run.run_seed);
     let planned: HashSet<PathBuf> = runs.iter().map(path).collect();
     let names = folder.result_file_names();
     let paths = names.iter().map(|name| folder.runs_folder().join(name));
@@ -146,14 +146,14 @@ struct StoredFile {
 impl StoredFile {
     /// Reads and verifies the file of a run; `None` if there is none.
     fn read(folder: &StudyFolder, run: &PlannedRun<'_>) -> Result<Option<Self>, MergeError> {
-        let (digest, run_seed) = (&run.cell.digest, run.run_seed);
+        let (digest, run_seed) = (run.cell.digest(), run.run_seed);
         let path = folder.result_file(digest, run_seed);
         let bytes = read_if_exists(&path).map_err(MergeError::Unreadable)?;
         let Some(bytes) = bytes else {
             return Ok(None);
         };
         let stored = StoredRun::from_bytes(&bytes)
-            .filter(|stored| (&stored.digest, stored.run_seed) == (digest, run_seed));
+            .filter(|stored| (stored.digest.as_str(), stored.run_seed) == (digest, run_seed));
         let Some(stored) = stored else {
             return Err(MergeError::Damaged(path));
         };
@@ -203,7 +203,7 @@ impl Merged {
             let build = (stored.version.clone(), stored.build);
             *self.builds.entry(build).or_default() += 1;
         }
-        let to = target.result_file(&run.cell.digest, run.run_seed);
+        let to = target.result_file(run.cell.digest(), run.run_seed);
         let complete: Vec<&StoredFile> = files.iter().filter(|file| file.is_complete).collect();
         let from = *complete.first()?;
         self.equal += complete.len() - 1;

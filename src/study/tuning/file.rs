@@ -1,11 +1,15 @@
 //! Tuning files: the methods that are tuned with equal budgets, and the space of their parameters.
 
+use std::path::Path;
+
 use serde::Deserialize;
 
 use crate::experiment::measure::Measure;
+use crate::input_files;
+use crate::scenario::synonyms;
 use crate::study::design::file::FIRST_REPORTING_SEED;
 use seedbed_input::numbers::{Count, FiniteNumber, Positive, ranged_count};
-use seedbed_input::{Located, ValidationError};
+use seedbed_input::{Document, InputError, Located, ValidationError};
 
 /// A tuning file: `Tuning(…)`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -112,6 +116,14 @@ pub(super) const COLUMNS: [&str; 7] = [
 ];
 
 impl Tuning {
+    /// Reads a tuning file.
+    ///
+    /// # Errors
+    /// The file is no tuning file.
+    pub fn read(path: &Path) -> Result<Document<Self>, InputError> {
+        input_files::read(path).map_err(synonyms::explain_in_study)
+    }
+
     /// Number of run seeds from the first one to the end of those for tuning.
     #[must_use]
     pub fn max_runs(&self) -> u64 {

@@ -10,7 +10,6 @@ use super::file::{Method, Parameter, Tuning};
 use super::schedule::{MIN_CONFIGURATIONS, Rule, Schedule};
 use super::space::Value;
 use crate::input_files;
-use crate::scenario::synonyms;
 use crate::study::design::CellDraft;
 use crate::study::design::cell::Cell;
 use crate::study::design::cell::PlannedRun;
@@ -114,8 +113,7 @@ impl TuningFile {
     /// # Errors
     /// The first error, located in the tuning file.
     pub fn load(path: &Path) -> Result<Self, InputError> {
-        let document = input_files::read(path).map_err(synonyms::explain_in_study);
-        let document: Document<Tuning> = document?;
+        let document = Tuning::read(path)?;
         let located = |error: ValidationError| document.locate(error);
         let tuning = &document.value;
         tuning.check().map_err(located)?;
@@ -198,7 +196,7 @@ impl TuningFile {
         let name_hash = xxh64(method.name.as_bytes(), 0) as u32;
         let mut digests: HashSet<String> = cells
             .last()
-            .map(|cell| cell.digest.clone())
+            .map(|cell| cell.digest().to_owned())
             .into_iter()
             .collect();
         let (mut seen, mut drawn) = (HashSet::new(), Vec::new());
@@ -219,7 +217,7 @@ impl TuningFile {
             }
             let values: Vec<Option<&Value<'_>>> = values.iter().map(Some).collect();
             let cell = cell(&self.document, &folder, method, drawn.len() + 1, &values)?;
-            if digests.insert(cell.digest.clone()) {
+            if digests.insert(cell.digest().to_owned()) {
                 cells.push(cell);
                 drawn.push(texts);
                 known_in_a_row = 0;

@@ -102,7 +102,7 @@ impl<'p> Search<'p> {
     pub fn next_distinct_runs(&self) -> Vec<PlannedRun<'p>> {
         let mut runs = self.next_runs();
         let mut seen = HashSet::new();
-        runs.retain(|run| seen.insert((run.cell.digest.as_str(), run.run_seed)));
+        runs.retain(|run| seen.insert((run.cell.digest(), run.run_seed)));
         runs
     }
 

@@ -183,7 +183,7 @@ fn a_file_in_the_folder_precedes_a_built_in_one() {
     let output = seedbed_in(path, &["preview", "cartpole"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(
-        stderr(&output).starts_with("error: envs/cartpole.ron:1:12:"),
+        stderr(&output).starts_with("error: envs/cartpole.ron:1:13:"),
         "{}",
         stderr(&output)
     );

@@ -511,7 +511,7 @@ Environment(
                 "other.ron",
                 "other.ron:1:29: in `extends`: `one` is a file of another kind",
             ),
-            ("of_broken.ron", "broken.ron:1:31: "),
+            ("of_broken.ron", "broken.ron:1:32: "),
         ] {
             let error = folder.error(file);
             assert!(error.contains(expected), "{error}\ninstead of {expected}");

@@ -157,9 +157,9 @@ pub fn parameters<T: JsonSchema + Serialize>(default: &T) -> Vec<Parameter> {
     let tree = Tree::parse(&text).expect("what is written can be read");
     let mut parameters = Vec::new();
     for Field { name, value, .. } in tree.root.fields() {
-        let field = &schemas.root["properties"][name.as_str()];
+        let field = &schemas.root["properties"][*name];
         parameters.push(Parameter {
-            name: name.clone(),
+            name: (*name).to_owned(),
             meaning: description(field),
             expected: schemas.expected(field),
             choices: schemas.choices(field),

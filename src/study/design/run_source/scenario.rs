@@ -1,6 +1,6 @@
 //! Runs of a scenario, which are made here.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::RunSource;
 use crate::experiment::measure::Measure;
@@ -12,7 +12,7 @@ use seedbed_env::Quantity;
 #[derive(Clone, Debug)]
 pub struct ScenarioRuns {
     experiment: Arc<dyn Experiment>,
-    digest: String,
+    digest: OnceLock<String>,
 }
 
 impl ScenarioRuns {
@@ -20,14 +20,14 @@ impl ScenarioRuns {
     #[must_use]
     pub fn new(experiment: Arc<dyn Experiment>) -> Self {
         Self {
-            digest: experiment.digest(),
+            digest: OnceLock::new(),
             experiment,
         }
     }
 
     fn control<'a>(&'a self, control: RunControl<'a>) -> RunControl<'a> {
         RunControl {
-            digest: &self.digest,
+            digest: self.digest.get_or_init(|| self.experiment.digest()),
             ..control
         }
     }
@@ -51,7 +51,8 @@ impl RunSource for ScenarioRuns {
     }
 
     fn digest(&self) -> String {
-        self.digest.clone()
+        let digest = self.digest.get_or_init(|| self.experiment.digest());
+        digest.clone()
     }
 
     fn measure_obstacle(&self, measure: Measure) -> Option<(&'static str, &'static str)> {

@@ -144,7 +144,7 @@ impl PublishedRuns {
             folder: folder.path().to_owned(),
             study,
             digests: cells
-                .map(|cell| (cell.name.clone(), cell.digest.clone()))
+                .map(|cell| (cell.name.clone(), cell.digest().to_owned()))
                 .collect(),
             columns,
             rows,
@@ -213,7 +213,7 @@ impl ExpectedResults for PublishedRuns {
     fn is_reproduced_by(&self, run: &PlannedRun<'_>, outcome: &Outcome) -> bool {
         let mut cells = self.study.cells.iter().filter(|cell| {
             let name = &cell.description.name;
-            let shares_run = self.digests.get(name) == Some(&run.cell.digest);
+            let shares_run = self.digests.get(name).map(String::as_str) == Some(run.cell.digest());
             shares_run && self.has_row(name, run.run_seed)
         });
         self.contains(run) && cells.all(|cell| self.is_same(cell, run.run_seed, outcome))

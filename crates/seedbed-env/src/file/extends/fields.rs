@@ -1,6 +1,8 @@
-//! Splits the text of a RON file into its top-level fields, without parsing their values.
+//! Splits the text of a RON file into its top-level fields.
 
 use std::ops::Range;
+
+use seedbed_settings::{Tree, Value};
 
 /// The parts of a file of the form `Kind(name: value, …)`. All positions are byte offsets.
 pub(super) struct FileParts {
@@ -22,52 +24,40 @@ pub(super) struct Field {
     pub(super) missing_comma: Option<usize>,
 }
 
-/// The part of a field that has been read so far.
-#[derive(Default)]
-struct PartialField {
-    name: Option<Range<usize>>,
-    value_start: Option<usize>,
-    /// End of the last token that is neither a space nor a comment.
-    end: usize,
-}
-
 impl FileParts {
-    /// Splits a text. `None` if it does not have this form, as far as can be seen without parsing
-    /// values.
+    /// Splits a text. `None` if it does not have this form.
     pub(super) fn split(text: &str) -> Option<Self> {
-        let open = after_opening_parenthesis(text)?;
-        let (mut fields, mut depth) = (Vec::new(), 0_usize);
-        let (mut field_start, mut field) = (open, PartialField::default());
-        let mut offset = open;
-        loop {
-            let start = skip_blank(text, offset)?;
-            let end = token_end(text, start)?;
-            match &text[start..end] {
-                "(" | "[" | "{" => depth += 1,
-                ")" if depth == 0 => {
-                    fields.extend(field.finish(text, field_start..start, true));
-                    return Some(Self {
-                        open,
-                        close: start,
-                        fields,
-                    });
-                }
-                ")" | "]" | "}" => depth = depth.checked_sub(1)?,
-                "," if depth == 0 => {
-                    offset = end_with_comment(text, end);
-                    fields.push(field.finish(text, field_start..offset, false)?);
-                    (field_start, field) = (offset, PartialField::default());
-                    continue;
-                }
-                ":" if depth == 0 && field.value_start.is_none() => {
-                    field.value_start = Some(skip_blank(text, end)?);
-                }
-                _ => {}
-            }
-            field.name.get_or_insert(start..end);
-            field.end = end;
-            offset = end;
+        let root = Tree::parse(text).ok()?.root;
+        let found = match &root.value {
+            Value::Record { fields, .. } => &fields[..],
+            Value::Tuple { items, .. } if items.is_empty() => &[],
+            _ => return None,
+        };
+        let open = after_opening_parenthesis(text, root.place.start + root.name()?.len())?;
+        let close = root.place.end - 1;
+        let (mut fields, mut start) = (Vec::new(), open);
+        for field in found {
+            let value = field.value.place.clone();
+            let after = skip_blank(text, value.end)?;
+            let has_comma = text[after..].starts_with(',');
+            let end = if has_comma {
+                end_with_comment(text, after + 1)
+            } else {
+                close
+            };
+            fields.push(Field {
+                name: field.name.to_owned(),
+                text: after_blank_lines(text, start)..end,
+                missing_comma: (!has_comma).then_some(value.end),
+                value,
+            });
+            start = end;
         }
+        Some(Self {
+            open,
+            close,
+            fields,
+        })
     }
 
     /// Index of the field `extends`.
@@ -81,25 +71,17 @@ impl FileParts {
     }
 }
 
-impl PartialField {
-    fn finish(self, text: &str, whole: Range<usize>, is_last: bool) -> Option<Field> {
-        let name = text[self.name?].to_owned();
-        let blank_lines = text[whole.clone()]
-            .find(|c: char| !c.is_whitespace())
-            .and_then(|first| text[whole.start..whole.start + first].rfind('\n'));
-        Some(Field {
-            name,
-            text: whole.start + blank_lines.map_or(0, |newline| newline + 1)..whole.end,
-            value: self.value_start?..self.end,
-            missing_comma: is_last.then_some(self.end),
-        })
-    }
+/// Byte offset just after the opening parenthesis that follows the name which ends at `at`; `None` if there is none.
+fn after_opening_parenthesis(text: &str, at: usize) -> Option<usize> {
+    let start = skip_blank(text, at)?;
+    text[start..].starts_with('(').then_some(start + 1)
 }
 
-/// Byte offset just after the opening parenthesis of the file; `None` if there is none.
-fn after_opening_parenthesis(text: &str) -> Option<usize> {
-    let start = skip_blank(text, seedbed_input::after_first_word(text))?;
-    text[start..].starts_with('(').then_some(start + 1)
+/// The beginning of the first line from `at` on that is not blank, or `at` itself if it is in this line.
+fn after_blank_lines(text: &str, at: usize) -> usize {
+    let rest = &text[at..];
+    let blank = &rest[..rest.len() - rest.trim_start().len()];
+    blank.rfind('\n').map_or(at, |newline| at + newline + 1)
 }
 
 /// The end of the line of `at` if only a comment follows on it, else `at` itself.
@@ -126,59 +108,6 @@ fn skip_blank(text: &str, mut at: usize) -> Option<usize> {
             return Some(at);
         }
     }
-}
-
-/// End of the token that begins at `start`: a word, a string, a character in quotes, or any other
-/// single character. `None` at the end of the text.
-fn token_end(text: &str, start: usize) -> Option<usize> {
-    let rest = &text[start..];
-    let first = rest.chars().next()?;
-    let length = match first {
-        '"' => quoted_length(rest, '"')?,
-        '\'' => quoted_length(rest, '\'')?,
-        'r' | 'b' => match raw_string_length(rest)? {
-            0 => word_length(rest),
-            length => length,
-        },
-        _ if first.is_alphanumeric() || first == '_' => word_length(rest),
-        _ => first.len_utf8(),
-    };
-    Some(start + length)
-}
-
-fn word_length(text: &str) -> usize {
-    text.find(|c: char| !c.is_alphanumeric() && c != '_')
-        .unwrap_or(text.len())
-}
-
-/// Length of the string or character with which `text` begins, quotes included.
-fn quoted_length(text: &str, quote: char) -> Option<usize> {
-    let mut escaped = false;
-    for (at, found) in text.char_indices().skip(1) {
-        match found {
-            _ if escaped => escaped = false,
-            '\\' => escaped = true,
-            _ if found == quote => return Some(at + 1),
-            _ => {}
-        }
-    }
-    None
-}
-
-/// Length of a raw string such as `r#"…"#` at the start of `text`; 0 if there is none, `None` if it
-/// does not end.
-fn raw_string_length(text: &str) -> Option<usize> {
-    let Some(after) = text.strip_prefix("br").or_else(|| text.strip_prefix('r')) else {
-        return Some(0);
-    };
-    let body = after.trim_start_matches('#');
-    let hashes = after.len() - body.len();
-    let Some(body) = body.strip_prefix('"') else {
-        return Some(0);
-    };
-    let end = format!("\"{}", "#".repeat(hashes));
-    let found = body.find(&end)?;
-    Some(text.len() - body.len() + found + end.len())
 }
 
 #[cfg(test)]
@@ -223,6 +152,8 @@ Kind( /* a: /* nested */ 1, */
             "Kind(a: 1",
             "Kind(a: \"1)",
             "Kind(a: 1]) /*",
+            "Kind(a: , b: 1)",
+            "Kind(a: )",
         ] {
             assert!(FileParts::split(text).is_none(), "{text}");
         }
