@@ -236,4 +236,12 @@ impl Algorithm {
     pub fn transitions_kept(&self) -> u64 {
         self.config().transitions_kept()
     }
+
+    /// Whether agents have intrinsic rewards that can differ, whose agreement is measured.
+    #[must_use]
+    pub fn compares_bonuses(&self) -> bool {
+        let bonus = self.config().bonus();
+        self.largest_intrinsic_reward().is_some()
+            && !bonus.is_some_and(Bonus::is_same_for_all_agents)
+    }
 }
