@@ -8,7 +8,7 @@ use super::state::CopyState;
 
 /// When a copy whose episode has ended is reset: the modes of Gymnasium's vector environments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Autoreset {
+pub(crate) enum Autoreset {
     /// In the next step, which ignores the action of the copy.
     NextStep,
     /// At the end of the same step.
