@@ -91,9 +91,9 @@ impl Group {
         &self.phases
     }
 
-    /// Lets a copy draw its start states from the random stream (run seed, reset, agent, round 0).
-    pub(super) fn seed(&mut self, copy: usize, run_seed: u64, agent: u32) {
-        self.streams[copy] = Some(stream(run_seed, Purpose::Reset, agent, 0));
+    /// Lets a copy draw its start states from the random stream (run seed, reset, agent, round).
+    pub(super) fn seed(&mut self, copy: usize, run_seed: u64, agent: u32, round: u32) {
+        self.streams[copy] = Some(stream(run_seed, Purpose::Reset, agent, round));
     }
 
     pub(super) fn has_stream(&self, copy: usize) -> bool {

@@ -52,7 +52,7 @@ impl TeamSettings {
     /// # Errors
     /// What is wrong, and what was expected.
     pub(super) fn new(mut given: GivenSettings) -> PyResult<Self> {
-        let algorithm = parsed::<Algorithm>("algorithm", &given.algorithm)?;
+        let algorithm = parsed_algorithm(&given.algorithm)?;
         let agents = parsed::<TeamConfig>("agents", &given.agents)?;
         let autoreset = parse_autoreset(&given.autoreset)?;
         given.autoreset = autoreset_name(autoreset).to_owned();
@@ -121,6 +121,16 @@ impl TeamSettings {
 /// Reads RON. `argument`: its name in Python
 fn parsed<T: serde::de::DeserializeOwned>(argument: &str, text: &str) -> PyResult<Document<T>> {
     seedbed_input::parse(argument, text.to_owned()).map_err(value_error)
+}
+
+/// Reads an algorithm: its name, or RON.
+fn parsed_algorithm(text: &str) -> PyResult<Document<Algorithm>> {
+    let is_name = text.chars().all(|sign| sign.is_ascii_alphanumeric());
+    match parsed("algorithm", text) {
+        // With parameters, which all have their defaults.
+        Err(_) if is_name => parsed("algorithm", &format!("{text}()")),
+        parsed => parsed,
+    }
 }
 
 fn value_error(error: impl ToString) -> PyErr {
