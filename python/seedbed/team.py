@@ -127,7 +127,7 @@ class Team:
             actions,
             observation_space.shape or (),
             seed=checked_seed(seed),
-            max_episode_steps=_count("max_episode_steps", max_episode_steps or limit),
+            max_episode_steps=_count("max_episode_steps", limit if max_episode_steps is None else max_episode_steps),
             episodes=None if episodes is None else _count("episodes", episodes),
             learn_every=None if learn_every is None else _count("learn_every", learn_every),
             counts_team_steps=steps_of == "Team",

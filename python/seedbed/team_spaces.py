@@ -172,7 +172,7 @@ def space_to_dict(space: spaces.Space[Any]) -> dict[str, Any]:
         case spaces.MultiDiscrete():
             return {"MultiDiscrete": {"nvec": space.nvec.tolist(), "start": space.start.tolist(), "dtype": str(space.dtype)}}
         case spaces.MultiBinary():
-            return {"MultiBinary": {"n": list(space.shape)}}
+            return {"MultiBinary": {"n": space.n if isinstance(space.n, int) else list(space.n)}}
         case spaces.Box():
             return {"Box": {"low": space.low.tolist(), "high": space.high.tolist(), "dtype": str(space.dtype)}}
         case spaces.Dict():

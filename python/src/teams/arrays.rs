@@ -56,8 +56,9 @@ fn copy<T: Element + Copy, R>(
     let array = array.map_err(|error| PyValueError::new_err(error.to_string()))?;
     to.clear();
     match array.as_slice() {
-        Ok(elements) => to.extend(elements.iter().copied().map(convert)),
-        Err(_) => to.extend(array.as_array().iter().copied().map(convert)),
+        // A slice may also be in the order of columns.
+        Ok(elements) if array.is_c_contiguous() => to.extend(elements.iter().copied().map(convert)),
+        _ => to.extend(array.as_array().iter().copied().map(convert)),
     }
     Ok(())
 }
