@@ -154,6 +154,7 @@ class Team:
         cls,
         algorithm: str,
         agents: str,
+        task: str,
         observations: Sequence[tuple[str, str, float, float]],
         actions: Sequence[tuple[tuple[str, str, float, float], Sequence[float] | None]],
         observation_shape: Sequence[int],
@@ -194,6 +195,7 @@ class Team:
         self, observations: Any, rewards: Any, terminated: Any, truncated: Any, final_observations: Any = None
     ) -> None: ...
     def learn(self) -> dict[str, NDArray[np.float64]]: ...
+    def metadata(self) -> dict[str, str]: ...
     def parameters(self) -> dict[str, NDArray[np.float32]]: ...
 
 def builtin_tasks() -> list[str]:

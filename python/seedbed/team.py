@@ -19,11 +19,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
+import safetensors.numpy
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
@@ -35,6 +37,9 @@ from .ron import Expression, ron_text
 from .seeding import checked_seed
 from .team_spaces import components_of, conversion_to, observed_quantities, space_from_dict, space_to_dict
 from .vector import BATCH_AUTORESET, Autoreset
+
+if TYPE_CHECKING:
+    from .policies import Policy
 
 Settings: TypeAlias = str | Mapping[str, Any]
 """RON, or a map of its fields, in which texts are RON already."""
@@ -123,6 +128,7 @@ class Team:
         self._team = _native.Team(
             _algorithm_text(algorithm),
             _fields(agents if isinstance(agents, Mapping) else {"count": _count("agents", agents)}, "agents"),
+            "environments" if task is None else task.name,
             observations,
             actions,
             observation_space.shape or (),
@@ -283,6 +289,32 @@ class Team:
         what the whole team shares.
         """
         return self._team.parameters()
+
+    def policy(self, agent: int = 0, *, model: int | None = None) -> Policy:
+        """A copy of the policy of an agent as it is now, for evaluation: a function of observations, which can also be written as
+        an ONNX file. It chooses greedy actions, and others on request.
+
+        Args:
+            agent: Number of the agent, from 0.
+            model: Number of a model of the team, as in `Run.policy`.
+
+        Raises:
+            RunError: The algorithm has no networks.
+            IndexError: There is no such agent or model.
+        """
+        from .policies import Policy
+
+        with tempfile.TemporaryDirectory(prefix="seedbed-") as folder:
+            path = Path(folder) / "policies.safetensors"
+            self.save_policies(path)
+            return Policy(path, agent, model)
+
+    def save_policies(self, path: str | os.PathLike[str]) -> None:
+        """Write the parameters of all networks as a file of safetensors, like `policies.safetensors` of a run.
+
+        `seedbed.Policy(path, agent)` reads it.
+        """
+        _write(Path(path), safetensors.numpy.save(self.parameters(), self._team.metadata()))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the whole team to a file, from which `Team.load` continues with the same bits.

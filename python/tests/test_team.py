@@ -100,6 +100,23 @@ def test_teams_learn_what_runs_learn_to_the_bit(name: str, train: Train):
     assert metrics["return"] == pytest.approx(returns.to_numpy())
 
 
+def test_policies_are_those_of_the_run(train: Train, tmp_path: Path):
+    """The same metadata but for the name of the scenario, and the actions that agents choose."""
+    settings = ("stop=Episodes(1)", "agents=(count: 4)", "algorithm=SeedPg()")
+    folder = train("cartpole", *settings, options=("--no-recording",))
+    environments = seedbed.make("cartpole", num_envs=COUNT)
+    team = team_for(environments, "SeedPg", episodes=1)
+    play_round(team, environments)
+    of_run, policy = seedbed.load(folder).policy(2), team.policy(2)
+    assert policy.metadata == {key: text for key, text in of_run.metadata.items() if key != "scenario"}
+    observations = np.random.default_rng(0).standard_normal((50, 4))
+    assert np.array_equal(policy(observations), of_run(observations))
+    team.save_policies(tmp_path / "policies.safetensors")
+    assert np.array_equal(seedbed.Policy(tmp_path / "policies.safetensors", 2)(observations), policy(observations))
+    with pytest.raises(seedbed.RunError, match="have no networks"):
+        team_for(environments, "Random").policy()
+
+
 CONTINUED = {
     "SeedPg": {"algorithm": VIME},
     "SeedPsrl": {"algorithm": "SeedPsrl(horizon: 4, candidates: 8, elites: 2, replan_every: 2)"},

@@ -23,6 +23,8 @@ pub(super) struct GivenSettings {
     /// RON of the algorithm and of its agents.
     pub(super) algorithm: String,
     pub(super) agents: String,
+    /// Name of the task, for people.
+    pub(super) task: String,
     pub(super) observations: Vec<GivenQuantity>,
     pub(super) actions: Vec<GivenAction>,
     pub(super) seed: u64,
@@ -169,7 +171,7 @@ fn spec_of(given: &GivenSettings) -> TaskSpec {
         },
     };
     TaskSpec {
-        name: "action_space".to_owned(),
+        name: given.task.clone(),
         description: String::new(),
         observations: given.observations.iter().map(quantity).collect(),
         actions: given.actions.iter().map(action).collect(),

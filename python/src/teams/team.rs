@@ -1,5 +1,6 @@
 //! The class of Python: arrays in and out, without the lock while agents act and learn.
 
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::available_parallelism;
 
@@ -74,13 +75,14 @@ struct Saved {
 impl Team {
     #[new]
     #[pyo3(signature = (
-        algorithm, agents, observations, actions, observation_shape, *, seed, max_episode_steps, episodes,
+        algorithm, agents, task, observations, actions, observation_shape, *, seed, max_episode_steps, episodes,
         learn_every, counts_team_steps, autoreset, threads, notes
     ))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         algorithm: String,
         agents: String,
+        task: String,
         observations: Vec<GivenQuantity>,
         actions: Vec<GivenAction>,
         observation_shape: Vec<usize>,
@@ -104,6 +106,7 @@ impl Team {
         let given = GivenSettings {
             algorithm,
             agents,
+            task,
             observations,
             actions,
             seed,
@@ -267,6 +270,18 @@ impl Team {
             metrics.set_item(name, numbers.into_pyarray(py))?;
         }
         Ok(metrics)
+    }
+
+    /// Metadata of the parameters: texts by key.
+    fn metadata(&self) -> BTreeMap<&'static str, String> {
+        let TeamSettings {
+            given,
+            algorithm,
+            agents,
+            spec,
+            ..
+        } = self.rounds.settings();
+        algorithm.tensor_metadata(spec, agents.count.get(), given.seed)
     }
 
     /// The parameters of all networks by name (float32).

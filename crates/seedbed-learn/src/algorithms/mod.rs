@@ -11,6 +11,7 @@ pub mod random;
 pub mod seed_pg;
 pub mod seed_psrl;
 pub mod seed_sac;
+mod tensor_metadata;
 pub mod value_based;
 
 use serde::{Deserialize, Serialize};
