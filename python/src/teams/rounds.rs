@@ -217,33 +217,29 @@ impl TeamRounds {
 
     /// Checks that agents act in finite observations, which are those that were recorded last.
     fn check_observations(&self, observations: &[f32]) -> Result<(), Refusal> {
-        let mut has_player = false;
+        if self.is_over() {
+            return Err(order(
+                "all agents have ended their episodes of this round: call learn(), then reset the \
+                 environments",
+            ));
+        }
         for (index, agent) in self.agents.iter().enumerate() {
             let row = row_of(observations, index, self.width());
-            if let Some(episode) = &agent.playing {
-                has_player = true;
-                if row != episode.last_observation() {
-                    check_row(observations, index, self.width(), "observations")?;
-                    return Err(value(format!(
-                        "observations[{index}] is not the observation that was recorded last; expected \
-                         the observations that the latest step or reset returned, and start(…) after \
-                         a reset in the middle of an episode"
-                    )));
-                }
-            } else if agent.start == Start::WithAction {
-                has_player = true;
-                check_row(observations, index, self.width(), "observations")?;
-            } else if agent.start == Start::AfterReset {
-                has_player = true;
+            let last = agent.playing.as_ref().map(Episode::last_observation);
+            let is_used = last.is_some() || agent.start == Start::WithAction;
+            if !is_used || last == Some(row) {
+                continue;
+            }
+            check_row(observations, index, self.width(), "observations")?;
+            if last.is_some() {
+                return Err(value(format!(
+                    "observations[{index}] is not the observation that was recorded last; expected the \
+                     observations that the latest step or reset returned, and start(…) after a reset \
+                     in the middle of an episode"
+                )));
             }
         }
-        if has_player {
-            return Ok(());
-        }
-        Err(order(
-            "all agents have ended their episodes of this round: call learn(), then reset the \
-             environments",
-        ))
+        Ok(())
     }
 
     /// Adds the result of a step to the episodes. A team that learns during episodes may do so.
@@ -278,48 +274,61 @@ impl TeamRounds {
         agents.all(|agent| agent.playing.is_none() && agent.start == Start::NextRound)
     }
 
-    /// Checks the numbers of one agent.
+    /// Checks the numbers of one agent that are used.
     fn check_result(&self, index: usize, result: &StepResult<'_>) -> Result<(), Refusal> {
-        let (agent, width) = (&self.agents[index], self.width());
+        let agent = &self.agents[index];
         let Some(episode) = &agent.playing else {
-            if agent.start == Start::AfterReset {
-                check_row(result.observations, index, width, "observations")?;
-            }
-            return Ok(());
+            let is_used = agent.start == Start::AfterReset;
+            return if is_used {
+                check_row(result.observations, index, self.width(), "observations")
+            } else {
+                Ok(())
+            };
         };
         let reward = result.rewards[index];
         if !reward.is_finite() {
             return Err(not_finite("rewards", &[index], reward));
         }
-        let has_ended = result.has_ended(index);
-        match (has_ended, result.final_observations) {
-            (true, Some(observations)) => {
-                check_row(observations, index, width, "final observations")?;
-            }
-            (true, None) if self.settings.autoreset == Autoreset::SameStep => {
-                return Err(value(format!(
-                    "the episode of agent {index} has ended, but there is no final observation; \
-                     expected infos[\"final_obs\"], or another autoreset_mode than \"SameStep\""
-                )));
-            }
-            _ => check_row(result.observations, index, width, "observations")?,
-        }
-        if has_ended && self.settings.autoreset == Autoreset::SameStep {
-            check_row(result.observations, index, width, "observations")?;
-        }
-        let limit = self.settings.given.max_episode_steps;
-        if episode.length() >= limit as usize {
+        self.check_observations_after(index, result)?;
+        self.check_length(index, episode)
+    }
+
+    /// Checks the observation after a step, and that of a new episode.
+    fn check_observations_after(
+        &self,
+        index: usize,
+        result: &StepResult<'_>,
+    ) -> Result<(), Refusal> {
+        let width = self.width();
+        if result.has_ended(index) && result.final_observations.is_none() && self.resets_at_once() {
             return Err(value(format!(
-                "the episode of agent {index} has more than max_episode_steps={limit} steps; expected \
-                 a larger max_episode_steps, or episodes that end"
+                "the episode of agent {index} has ended, but there is no final observation; expected \
+                 infos[\"final_obs\"], or another autoreset_mode than \"SameStep\""
             )));
         }
-        Ok(())
+        if let (true, Some(rows)) = (result.has_ended(index), result.final_observations) {
+            check_row(rows, index, width, "final observations")?;
+        }
+        check_row(result.observations, index, width, "observations")
+    }
+
+    fn check_length(&self, index: usize, episode: &Episode) -> Result<(), Refusal> {
+        let limit = self.settings.given.max_episode_steps;
+        if episode.length() < limit as usize {
+            return Ok(());
+        }
+        Err(value(format!(
+            "the episode of agent {index} has more than max_episode_steps={limit} steps; expected a \
+             larger max_episode_steps, or episodes that end"
+        )))
+    }
+
+    /// Whether the step that ends an episode returns the first observation of the next one.
+    fn resets_at_once(&self) -> bool {
+        self.settings.autoreset == Autoreset::SameStep
     }
 
     fn record_agent(&mut self, index: usize, result: &StepResult<'_>) {
-        let autoreset = self.settings.autoreset;
-        let needed = self.settings.given.episodes.unwrap_or(u32::MAX) as usize;
         let width = self.width();
         let agent = &mut self.agents[index];
         let Some(episode) = &mut agent.playing else {
@@ -328,24 +337,26 @@ impl TeamRounds {
             }
             return;
         };
-        let rows = match result.final_observations {
-            Some(rows) if result.has_ended(index) => rows,
-            _ => result.observations,
-        };
-        let observation = row_of(rows, index, width);
+        let observation = row_of(result.rows_after(index), index, width);
         episode.add_result(result.rewards[index], observation, result.status(index));
-        if !result.has_ended(index) {
-            return;
+        if result.has_ended(index) {
+            self.end_episode(index, result.observations);
         }
+    }
+
+    /// Ends the episode of an agent. With resets in the same step, the next begins.
+    fn end_episode(&mut self, index: usize, observations: &[f32]) {
+        let needed = self.settings.given.episodes;
+        let agent = &mut self.agents[index];
         agent.round.finished.extend(agent.playing.take());
-        let is_last = agent.round.finished.len() >= needed;
-        agent.start = match autoreset {
+        let is_last = needed.is_some_and(|needed| agent.round.finished.len() >= needed as usize);
+        agent.start = match self.settings.autoreset {
             _ if is_last => Start::NextRound,
             Autoreset::NextStep => Start::AfterReset,
             Autoreset::SameStep | Autoreset::Disabled => Start::WithAction,
         };
-        if !is_last && autoreset == Autoreset::SameStep {
-            self.begin_episode(index, result.observations);
+        if !is_last && self.resets_at_once() {
+            self.begin_episode(index, observations);
         }
     }
 
@@ -377,25 +388,27 @@ impl TeamRounds {
         self.check_turn(false)?;
         self.check_ready()?;
         self.report_transitions(workers);
-        let mut episodes = Vec::new();
-        for agent in &mut self.agents {
-            episodes.append(&mut agent.round.end());
-        }
+        let episodes = self.take_episodes();
         let returns = mean_returns(&episodes, self.agents.len());
         let learned_before = self.learning.episodes_added();
         let lengths = episodes.iter().map(|episode| episode.length() as u32);
         let lengths = lengths.collect();
         self.learning.add_episodes(episodes, lengths, self.round);
         let agents = 0..self.agents.len() as u32;
-        let updates = self
-            .learning
-            .learn_together(agents, learned_before, self.round, workers);
+        let (learning, round) = (&mut self.learning, self.round);
+        let updates = learning.learn_together(agents, learned_before, round, workers);
         self.check_updates(&updates)?;
         let compares = self.settings.algorithm.compares_bonuses();
-        let agreement = compares.then(|| self.learning.bonus_agreement(self.round));
+        let agreement = compares.then(|| self.learning.bonus_agreement(round));
         self.round += 1;
         self.begin_round();
         Ok(metrics(&updates, returns, agreement.flatten()))
+    }
+
+    /// The episodes that have ended in this round, in (agent, episode) order.
+    fn take_episodes(&mut self) -> Vec<Episode> {
+        let rounds = self.agents.iter_mut().map(|agent| &mut agent.round);
+        rounds.flat_map(AgentRound::end).collect()
     }
 
     fn check_ready(&self) -> Result<(), Refusal> {
@@ -510,7 +523,15 @@ impl PlayingAgent {
     }
 }
 
-impl StepResult<'_> {
+impl<'a> StepResult<'a> {
+    /// The rows that have the observation after the step of an agent.
+    fn rows_after(&self, agent: usize) -> &'a [f32] {
+        match self.final_observations {
+            Some(rows) if self.has_ended(agent) => rows,
+            _ => self.observations,
+        }
+    }
+
     fn has_ended(&self, agent: usize) -> bool {
         self.terminated[agent] || self.truncated[agent]
     }

@@ -65,16 +65,25 @@ impl TeamSettings {
             autoreset,
             given,
         };
-        let config = settings.algorithm.config();
+        settings.check(&algorithm, &agents)?;
+        Ok(settings)
+    }
+
+    /// Checks that the settings fit together.
+    fn check(
+        &self,
+        algorithm: &Document<Algorithm>,
+        agents: &Document<TeamConfig>,
+    ) -> PyResult<()> {
+        let config = self.algorithm.config();
         let checked = config.check();
         checked.map_err(|error| value_error(algorithm.locate(error)))?;
-        let checked = config.check_team(&settings.agents);
+        let checked = config.check_team(&self.agents);
         checked.map_err(|error| value_error(agents.locate(error)))?;
-        let kind = settings.schedule();
-        let checked = settings.check_schedule(kind);
-        checked.map_err(|error| schedule_error(error, kind, &algorithm))?;
-        config.check_task(&settings.spec).map_err(value_error)?;
-        Ok(settings)
+        let kind = self.schedule();
+        let checked = self.check_schedule(kind);
+        checked.map_err(|error| schedule_error(error, kind, algorithm))?;
+        config.check_task(&self.spec).map_err(value_error)
     }
 
     /// Number of agents K.

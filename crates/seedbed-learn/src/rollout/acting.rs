@@ -80,18 +80,8 @@ impl ActingAgents {
         step: &GroupStep<'_>,
         agents: &mut [impl Player],
     ) -> &[f32] {
-        let width = step.action_width;
         let buffers = &mut self.buffers;
-        buffers.playing.clear();
-        buffers.steps.clear();
-        for agent in &mut *agents {
-            let playing = agent.playing();
-            buffers.playing.push(playing.is_some());
-            let steps = playing.map_or(0, |episode| episode.length() as u32);
-            buffers.steps.push(steps);
-        }
-        buffers.actions.resize(agents.len() * width, 0.0);
-        buffers.log_probs.resize(agents.len() * width, 0.0);
+        buffers.begin_step(step.action_width, agents);
         let mut request = ActionRequest {
             first_agent: step.first_agent as usize,
             unreported_steps: step.unreported_steps,
@@ -103,14 +93,34 @@ impl ActingAgents {
             log_probs: &mut buffers.log_probs,
         };
         team.act(&mut request, &mut buffers.scratch);
-        let rows = buffers.actions.chunks_exact(width);
-        let rows = rows.zip(buffers.log_probs.chunks_exact(width));
+        buffers.add_to_episodes(step.action_width, agents);
+        &self.buffers.actions
+    }
+}
+
+impl StepBuffers {
+    /// Notes who plays, and makes room for the actions.
+    fn begin_step(&mut self, action_width: usize, agents: &mut [impl Player]) {
+        self.playing.clear();
+        self.steps.clear();
+        for agent in &mut *agents {
+            let playing = agent.playing();
+            self.playing.push(playing.is_some());
+            let steps = playing.map_or(0, |episode| episode.length() as u32);
+            self.steps.push(steps);
+        }
+        self.actions.resize(agents.len() * action_width, 0.0);
+        self.log_probs.resize(agents.len() * action_width, 0.0);
+    }
+
+    fn add_to_episodes(&self, action_width: usize, agents: &mut [impl Player]) {
+        let rows = self.actions.chunks_exact(action_width);
+        let rows = rows.zip(self.log_probs.chunks_exact(action_width));
         for (agent, (action, log_prob)) in agents.iter_mut().zip(rows) {
             if let Some(episode) = agent.playing() {
                 episode.actions.extend_from_slice(action);
                 episode.log_probs.extend_from_slice(log_prob);
             }
         }
-        &buffers.actions
     }
 }
