@@ -121,6 +121,8 @@ class Team:
     ) -> None:
         if steps_of not in ("Agent", "Team"):
             raise ValueError(f'steps_of is {steps_of!r}, expected "Agent" or "Team"')
+        if task is not None and not isinstance(task, Task):
+            raise TypeError(f"task is {task!r}, expected a seedbed.Task")
         notes = {"observation_space": observation_space, "action_space": action_space}
         observations = observed_quantities(observation_space, task, names, ranges)
         actions = components_of(action_space, task)
@@ -292,7 +294,7 @@ class Team:
 
     def policy(self, agent: int = 0, *, model: int | None = None) -> Policy:
         """A copy of the policy of an agent as it is now, for evaluation: a function of observations, which can also be written as
-        an ONNX file. It chooses greedy actions, and others on request.
+        an ONNX file. It chooses greedy actions, and others on request; a discrete action is its index, from 0.
 
         Args:
             agent: Number of the agent, from 0.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -168,6 +169,28 @@ def test_results_do_not_depend_on_the_number_of_threads():
         return team.parameters()
 
     assert same(parameters(1), parameters(3))
+
+
+def test_other_threads_of_python_run_while_agents_learn():
+    ticks, is_over = 0, threading.Event()
+
+    def tick() -> None:
+        nonlocal ticks
+        while not is_over.wait(0.001):
+            ticks += 1
+
+    team = team_of("SeedPg(epochs: 2000, hidden: [64, 64])", threads=1)
+    for step in range(100):
+        team.act(ZEROS)
+        team.record(ZEROS, [1, 1], [step == 99] * 2, NO)
+    thread = threading.Thread(target=tick)
+    thread.start()
+    before = ticks
+    team.learn()
+    during = ticks - before
+    is_over.set()
+    thread.join()
+    assert during > 5
 
 
 def gymnasium_environments(mode: str) -> gymnasium.vector.VectorEnv:
@@ -383,6 +406,7 @@ WRONG_TEAMS: list[tuple[Callable[[], Any], type[Exception], str]] = [
     (lambda: team_of(action_space=spaces.Text(3)), TypeError, "expected Discrete, MultiDiscrete"),
     (lambda: seedbed.Team("SeedPg", spaces.Discrete(3), spaces.Discrete(2)), TypeError, "expected a Box: wrap"),
     (lambda: seedbed.Team("SeedPg", spaces.Box(0, 255, (84, 84)), spaces.Discrete(2)), TypeError, "expected 1 to 1000 numbers"),
+    (lambda: team_of(task="cartpole"), TypeError, "task is 'cartpole', expected a seedbed.Task"),
     (lambda: team_of(task=seedbed.Task("cartpole")), ValueError, "but the task has 4 observations"),
 ]
 
