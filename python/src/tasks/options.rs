@@ -63,7 +63,7 @@ pub(crate) fn parse_autoreset(name: &str) -> PyResult<Autoreset> {
     })
 }
 
-pub(crate) fn autoreset_name(autoreset: Autoreset) -> &'static str {
+pub(super) fn autoreset_name(autoreset: Autoreset) -> &'static str {
     let mode = AUTORESETS.iter().find(|(_, mode)| *mode == autoreset);
     mode.map_or("", |(name, _)| name)
 }

@@ -9,7 +9,7 @@ use seedbed_learn::algorithms::{Algorithm, ScheduleError, ScheduleKind};
 use seedbed_learn::team::{LearningTeam, LearningTiming, TeamContext};
 use serde::{Deserialize, Serialize};
 
-use crate::tasks::{Autoreset, autoreset_name, parse_autoreset};
+use crate::tasks::{Autoreset, parse_autoreset};
 
 /// An observed number: name, unit, and the ends of its range.
 pub(super) type GivenQuantity = (String, String, f32, f32);
@@ -53,11 +53,10 @@ pub(super) struct TeamSettings {
 impl TeamSettings {
     /// # Errors
     /// What is wrong, and what was expected.
-    pub(super) fn new(mut given: GivenSettings) -> PyResult<Self> {
+    pub(super) fn new(given: GivenSettings) -> PyResult<Self> {
         let algorithm = parsed_algorithm(&given.algorithm)?;
         let agents = parsed::<TeamConfig>("agents", &given.agents)?;
         let autoreset = parse_autoreset(&given.autoreset)?;
-        given.autoreset = autoreset_name(autoreset).to_owned();
         let settings = Self {
             spec: spec_of(&given),
             algorithm: algorithm.value.clone(),
@@ -77,13 +76,15 @@ impl TeamSettings {
     ) -> PyResult<()> {
         let config = self.algorithm.config();
         let checked = config.check();
-        checked.map_err(|error| value_error(algorithm.locate(error)))?;
+        checked.map_err(|error| value_error(&algorithm.locate(error)))?;
         let checked = config.check_team(&self.agents);
-        checked.map_err(|error| value_error(agents.locate(error)))?;
+        checked.map_err(|error| value_error(&agents.locate(error)))?;
         let kind = self.schedule();
         let checked = self.check_schedule(kind);
         checked.map_err(|error| schedule_error(error, kind, algorithm))?;
-        config.check_task(&self.spec).map_err(value_error)
+        config
+            .check_task(&self.spec)
+            .map_err(|error| value_error(&error))
     }
 
     /// Number of agents K.
@@ -131,7 +132,7 @@ impl TeamSettings {
 
 /// Reads RON. `argument`: its name in Python
 fn parsed<T: serde::de::DeserializeOwned>(argument: &str, text: &str) -> PyResult<Document<T>> {
-    seedbed_input::parse(argument, text.to_owned()).map_err(value_error)
+    seedbed_input::parse(argument, text.to_owned()).map_err(|error| value_error(&error))
 }
 
 /// Reads an algorithm: its name, or RON.
@@ -144,7 +145,7 @@ fn parsed_algorithm(text: &str) -> PyResult<Document<Algorithm>> {
     }
 }
 
-fn value_error(error: impl ToString) -> PyErr {
+fn value_error(error: &impl ToString) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
@@ -156,12 +157,12 @@ fn schedule_error(
 ) -> PyErr {
     let name = algorithm.value.name();
     match (error, kind) {
-        (ScheduleError::Parameter(error), _) => value_error(algorithm.locate(error)),
-        (ScheduleError::Algorithm(_), ScheduleKind::Lockstep) => value_error(format!(
+        (ScheduleError::Parameter(error), _) => value_error(&algorithm.locate(error)),
+        (ScheduleError::Algorithm(_), ScheduleKind::Lockstep) => value_error(&format!(
             "learn_every is given, but `{name}` learns after episodes, not during them; expected \
              learn_every=None, or an algorithm with a replay buffer such as `QLearning` or `SeedSac`"
         )),
-        (ScheduleError::Algorithm(message), _) => value_error(format!("`{name}` {message}")),
+        (ScheduleError::Algorithm(message), _) => value_error(&format!("`{name}` {message}")),
     }
 }
 
