@@ -1,5 +1,6 @@
 //! Cost of learning on one core: an update of one of 16 agents with 16 cart-pole episodes of 200
-//! steps, the choice of one action, forward and backward passes of networks with a batch of 200,
+//! steps, the choice of one action and of one by each of 16 agents (`python/benches/team_overhead.py`
+//! measures the same from Python), forward and backward passes of networks with a batch of 200,
 //! and the capped returns of 200 steps.
 
 use std::hint::black_box;
@@ -11,14 +12,25 @@ use rand::RngExt;
 use seedbed_env::{Physics, Status, TaskDescription, TaskSpec, build, load};
 use seedbed_input::numbers::ranged_count;
 use seedbed_learn::agent::{ActScratch, Agent, AgentContext, TeamConfig};
+use seedbed_learn::algorithms::AlgorithmConfig;
 use seedbed_learn::algorithms::seed_pg::SeedPgAgent;
 use seedbed_learn::algorithms::seed_pg::config::SeedPg;
 use seedbed_learn::experience::{Episode, Experience};
 use seedbed_learn::nn::{Activations, Adam, AdamSettings, Initial, Mlp};
 use seedbed_learn::rl::returns;
+use seedbed_learn::rollout::{ActingAgents, GroupStep, Player};
+use seedbed_learn::team::{LearningTiming, TeamContext};
 use seedbed_random::{Purpose, stream};
 
-criterion_group!(benches, update, act, layers, network, capped_returns);
+criterion_group!(
+    benches,
+    update,
+    act,
+    act_together,
+    layers,
+    network,
+    capped_returns
+);
 criterion_main!(benches);
 
 /// Number of agents, K.
@@ -80,6 +92,49 @@ fn act(criterion: &mut Criterion) {
             action[0]
         });
     });
+}
+
+/// One step of all agents of a team, whose actions are added to their episodes.
+fn act_together(criterion: &mut Criterion) {
+    let task = cart_pole();
+    let spec = task.spec();
+    let team = SeedPg::default().build(&TeamContext {
+        run_seed: 0,
+        config: &team_config(),
+        local_agents: None,
+        spec,
+        timing: LearningTiming::AfterEpisodes,
+        record_advantages: false,
+    });
+    let observations = [0.01, -0.2, 0.03, 0.4].repeat(AGENTS as usize);
+    let mut agents: Vec<Playing> = (0..AGENTS)
+        .map(|agent| Playing(Episode::start(agent, 0, 0, spec)))
+        .collect();
+    let mut acting = ActingAgents::new(0, 0..AGENTS, 0);
+    criterion.bench_function("act/one step of 16 agents", |bencher| {
+        bencher.iter(|| {
+            for Playing(episode) in &mut agents {
+                episode.actions.clear();
+                episode.log_probs.clear();
+            }
+            let step = GroupStep {
+                first_agent: 0,
+                action_width: spec.action_width(),
+                unreported_steps: 0,
+                observations: black_box(&observations),
+            };
+            acting.act(&*team, &step, &mut agents)[0]
+        });
+    });
+}
+
+/// An agent that plays.
+struct Playing(Episode);
+
+impl Player for Playing {
+    fn playing(&mut self) -> Option<&mut Episode> {
+        Some(&mut self.0)
+    }
 }
 
 /// One linear layer: forward pass, and gradient of all parameters.
@@ -166,11 +221,15 @@ fn cart_pole() -> TaskDescription {
         .expect("the task file is valid")
 }
 
-fn build_agent(spec: &TaskSpec, agent: u32) -> Box<dyn Agent> {
-    let team = TeamConfig {
+fn team_config() -> TeamConfig {
+    TeamConfig {
         count: ranged_count(AGENTS),
         ..TeamConfig::default()
-    };
+    }
+}
+
+fn build_agent(spec: &TaskSpec, agent: u32) -> Box<dyn Agent> {
+    let team = team_config();
     let context = AgentContext {
         run_seed: 0,
         agent,

@@ -19,6 +19,14 @@ Importing this package registers the built-in tasks with Gymnasium:
     >>> run = seedbed.train("cartpole", agents=4, seed=0)  # doctest: +SKIP
     >>> run = seedbed.load("recordings/cartpole")  # doctest: +SKIP
     >>> action = run.policy(0)(observations[0])  # doctest: +SKIP
+
+`Team` has the same learners for training loops of your own:
+
+    >>> task = environments.task
+    >>> spaces = environments.single_observation_space, environments.single_action_space
+    >>> team = seedbed.Team("SeedPg", *spaces, agents=64, task=task)
+    >>> team.act(observations).shape
+    (64,)
 """
 
 import importlib
@@ -38,6 +46,7 @@ if TYPE_CHECKING:
     from .recording import RecordingError, RecordVisitation, RecordVisitationVector
     from .registration import environment_id, tasks
     from .studying import Study, Tuning, check, study, tune
+    from .team import Team
     from .training import RunState, train
     from .vec_env_recording import RecordVecEnv
     from .vector import VectorEnv
@@ -59,6 +68,7 @@ __all__ = [
     "Study",
     "Task",
     "TaskError",
+    "Team",
     "Tuning",
     "VectorEnv",
     "__version__",
@@ -86,6 +96,7 @@ _MODULES = {
     "recording": ("RecordVisitation", "RecordVisitationVector", "RecordingError"),
     "registration": ("environment_id", "tasks"),
     "studying": ("Study", "Tuning", "check", "study", "tune"),
+    "team": ("Team",),
     "training": ("RunState", "train"),
     "vec_env_recording": ("RecordVecEnv",),
     "vector": ("VectorEnv",),

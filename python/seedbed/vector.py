@@ -24,7 +24,7 @@ from .environment import (
     rendering,
     set_states,
 )
-from .seeding import checked_seed, random_seed
+from .seeding import checked_round, checked_seed, random_seed
 from .spaces import action_space, observation_space
 
 Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]
@@ -145,7 +145,8 @@ class VectorEnv(Copyable, gymnasium.vector.VectorEnv[NDArray[np.float32], Any, N
                 sequence; before their first one it is drawn by the operating system.
             options: `"reset_mask"` (bool, `[M]`) resets only the copies whose mask is true. `"positions"`,
                 `"velocities"` and `"numbers"` are those of `Env.reset`, for each copy that is reset; later
-                automatic resets draw their start states.
+                automatic resets draw their start states. `"round"` is the number of a round of the run `seed`, which is one
+                number then: copy k starts as agent k in this round of `seedbed run`.
 
         Returns:
             The observations of all copies, float32, `[M, observations]`, and an empty dictionary.
@@ -155,9 +156,12 @@ class VectorEnv(Copyable, gymnasium.vector.VectorEnv[NDArray[np.float32], Any, N
             ValueError: There is no such seed, option, coordinate or number, or their number is wrong.
                 Nothing has changed.
         """
-        start = given_start(self._batch, options, "reset_mask")
+        start = given_start(self._batch, options, "reset_mask", "round")
         mask = self._reset_mask(options)
-        self._seed(self._seeds_of_copies(seed), mask)
+        if options is not None and "round" in options:
+            self._seed_round(checked_seed(seed), checked_round(options["round"]), mask)
+        else:
+            self._seed(self._seeds_of_copies(seed), mask)
         observations = self._memory()
         self._batch.reset(observations, mask, start)
         return observations, {}
@@ -292,6 +296,12 @@ class VectorEnv(Copyable, gymnasium.vector.VectorEnv[NDArray[np.float32], Any, N
             raise TypeError(f"seed is {seed!r}, expected an integer from 0 to 2**64 - 1, or one per copy") from None
         checked_seed(first + self.num_envs - 1)
         return [first + index for index in range(self.num_envs)]
+
+    def _seed_round(self, run_seed: int, number: int, mask: NDArray[np.bool_] | None) -> None:
+        """Let copies that will be reset start as the agents of a run in a round."""
+        for index in range(self.num_envs) if mask is None else map(int, np.flatnonzero(mask)):
+            self._batch.seed(index, run_seed, index, number)
+            self._seeds[index] = run_seed
 
     def _seed(self, seeds: list[int | None], mask: NDArray[np.bool_] | None) -> None:
         """Seed the copies that will be reset."""

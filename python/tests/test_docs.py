@@ -25,11 +25,12 @@ from seedbed import (
     spaces,
     state_files,
     studying,
+    team,
     training,
     vector,
 )
 
-PAGES = [REPOSITORY / path for path in ("docs/python.md", "docs/from_stable_baselines3.md", "docs/own_algorithm_in_python.md", "python/README.md")]
+PAGES = [REPOSITORY / path for path in ("docs/python.md", "docs/from_stable_baselines3.md", "docs/own_algorithm_in_python.md", "docs/own_loop.md", "python/README.md")]
 MODULES = [
     seedbed,
     environment,
@@ -44,6 +45,7 @@ MODULES = [
     spaces,
     state_files,
     studying,
+    team,
     training,
     vector,
 ]

@@ -197,3 +197,31 @@ def test_unknown_keywords_are_refused():
             seedbed.make("cartpole", copies, render_mode="human")
     with pytest.raises(ValueError, match="render_mode is 'human'"):
         seedbed.parallel_env("cartpole", render_mode="human")
+
+
+def test_rounds_of_a_run_have_start_states_of_their_own():
+    """Each agent has its own in each round; a mask keeps those of others."""
+    environments = seedbed.make("cartpole", 3)
+    first, _ = environments.reset(seed=7, options={"round": 0})
+    second, _ = environments.reset(seed=7, options={"round": 1})
+    assert len({row.tobytes() for row in np.concatenate([first, second])}) == 6
+    assert np.array_equal(first, environments.reset(seed=7, options={"round": 0})[0])
+    mask = np.array([False, True, False])
+    mixed, _ = environments.reset(seed=7, options={"round": 1, "reset_mask": mask})
+    assert np.array_equal(mixed, np.where(mask[:, None], second, first))
+    assert np.array_equal(first[0], seedbed.make("cartpole").reset(seed=7)[0])
+
+
+@pytest.mark.parametrize(
+    ("seed", "number", "kind", "message"),
+    [
+        (None, 0, TypeError, "seed is None, expected an integer"),
+        ([1, 2, 3], 0, TypeError, r"seed is \[1, 2, 3\], expected an integer"),
+        (0, 1.5, TypeError, r"options\['round'\] is 1.5, expected an integer"),
+        (0, -1, ValueError, r"options\['round'\] is -1, expected 0 to"),
+    ],
+)
+def test_rounds_that_cannot_be_are_refused(seed: Any, number: Any, kind: type[Exception], message: str):
+    environments = seedbed.make("cartpole", 3)
+    with pytest.raises(kind, match=message.replace("'round'", "[\"']round[\"']")):
+        environments.reset(seed=seed, options={"round": number})

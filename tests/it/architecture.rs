@@ -77,6 +77,7 @@ fn library_crates_do_not_need_heavy_packages() {
         ("seedbed-random", &["seedbed-env", "ron", "rayon"]),
         ("seedbed-figure", &["seedbed-env", "ron", "rayon"]),
         ("seedbed-scene", &["seedbed-learn", "rayon"]),
+        ("seedbed-python", &["seedbed-stats"]),
     ] {
         let used = packages_in_tree(&["--package", package]);
         assert!(used.len() > 3 && used[0] == package, "{used:?}");

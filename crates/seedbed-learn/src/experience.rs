@@ -57,6 +57,13 @@ impl Episode {
         }
     }
 
+    /// Adds the result of the latest action.   `observation: [observation width]`
+    pub fn add_result(&mut self, reward: f32, observation: &[f32], status: Status) {
+        self.rewards.push(reward);
+        self.observations.extend_from_slice(observation);
+        self.outcome = status;
+    }
+
     /// Number of steps T.
     #[must_use]
     pub fn length(&self) -> usize {

@@ -6,6 +6,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use seedbed_env::{Choice, TaskSpec};
 
+use crate::texts::{shape_text, type_name};
+
 /// Reads actions into a matrix of numbers, one row per copy.
 pub(super) struct ActionReader {
     components: Vec<Component>,
@@ -326,24 +328,4 @@ fn converted<'py>(
         return Err(mismatch(found.str()?.to_string()));
     }
     array.call_method1("astype", (dtype,))
-}
-
-fn type_name(value: &Bound<'_, PyAny>) -> String {
-    let name = value.get_type().name();
-    name.map_or_else(|_| "object".to_owned(), |name| name.to_string())
-}
-
-/// A shape as Python writes it.
-fn shape_text(shape: &[usize]) -> String {
-    match shape {
-        [only] => format!("({only},)"),
-        _ => format!(
-            "({})",
-            shape
-                .iter()
-                .map(usize::to_string)
-                .collect::<Vec<_>>()
-                .join(", ")
-        ),
-    }
 }

@@ -199,12 +199,13 @@ impl Batch {
         self.given_start(start).map(|_| ())
     }
 
-    /// Lets a copy draw its start states from the random stream with the name (run seed, reset,
-    /// agent, round 0). The agent is the index of the copy in a team, otherwise 0.
-    fn seed(&mut self, copy: usize, run_seed: u64) -> PyResult<()> {
-        let agent = if self.is_team { copy as u32 } else { 0 };
+    /// Lets a copy draw its start states from the random stream with the name (run seed, reset, agent,
+    /// round). By default the agent is the index of the copy in a team, otherwise 0.
+    #[pyo3(signature = (copy, run_seed, agent = None, round = 0))]
+    fn seed(&mut self, copy: usize, run_seed: u64, agent: Option<u32>, round: u32) -> PyResult<()> {
+        let agent = agent.unwrap_or(if self.is_team { copy as u32 } else { 0 });
         let (group, copy) = self.locate(copy)?;
-        group.seed(copy, run_seed, agent);
+        group.seed(copy, run_seed, agent, round);
         Ok(())
     }
 

@@ -8,7 +8,7 @@ use super::state::CopyState;
 
 /// When a copy whose episode has ended is reset: the modes of Gymnasium's vector environments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Autoreset {
+pub(crate) enum Autoreset {
     /// In the next step, which ignores the action of the copy.
     NextStep,
     /// At the end of the same step.
@@ -91,9 +91,9 @@ impl Group {
         &self.phases
     }
 
-    /// Lets a copy draw its start states from the random stream (run seed, reset, agent, round 0).
-    pub(super) fn seed(&mut self, copy: usize, run_seed: u64, agent: u32) {
-        self.streams[copy] = Some(stream(run_seed, Purpose::Reset, agent, 0));
+    /// Lets a copy draw its start states from the random stream (run seed, reset, agent, round).
+    pub(super) fn seed(&mut self, copy: usize, run_seed: u64, agent: u32, round: u32) {
+        self.streams[copy] = Some(stream(run_seed, Purpose::Reset, agent, round));
     }
 
     pub(super) fn has_stream(&self, copy: usize) -> bool {

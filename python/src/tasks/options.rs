@@ -11,7 +11,7 @@ use super::group::Autoreset;
 
 /// Maximum numbers of copies and of threads of a batch.
 pub(super) const MAX_COPIES: usize = 1 << 20;
-pub(super) const MAX_THREADS: usize = 256;
+pub(crate) const MAX_THREADS: usize = 256;
 
 /// Minimum number of copies per thread, unless a number of threads is given, for tasks with contacts and
 /// for all others. They take about 0.1 ms, and to wake a thread about 0.02 ms.
@@ -54,7 +54,7 @@ pub(super) fn physics_name(physics: Physics) -> &'static str {
     }
 }
 
-pub(super) fn parse_autoreset(name: &str) -> PyResult<Autoreset> {
+pub(crate) fn parse_autoreset(name: &str) -> PyResult<Autoreset> {
     let mode = AUTORESETS.iter().find(|(known, _)| *known == name);
     mode.map(|&(_, mode)| mode).ok_or_else(|| {
         PyValueError::new_err(format!(
@@ -89,7 +89,7 @@ pub(super) fn with_time_limit(
 }
 
 /// A number of copies or threads that Python gives: from 1 to `max`.
-pub(super) fn checked_count(name: &str, given: i64, max: usize) -> PyResult<usize> {
+pub(crate) fn checked_count(name: &str, given: i64, max: usize) -> PyResult<usize> {
     let count = usize::try_from(given).ok();
     let count = count.filter(|count| (1..=max).contains(count));
     let error = || PyValueError::new_err(format!("{name} is {given}, expected 1 to {max}"));

@@ -3,13 +3,14 @@
 use seedbed_env::Physics;
 use seedbed_random::Stream;
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh64::xxh64;
+
+use crate::sealed::{damaged, open, seal};
 
 /// Beginning of the bytes of a state; the last byte is the version of the format.
-const MAGIC: &[u8; 8] = b"seedbed\x02";
+const MAGIC: [u8; 8] = *b"seedbed\x02";
 
-/// Number of bytes of the checksum at the end.
-const CHECKSUM_BYTES: usize = 8;
+/// What the bytes are, in messages.
+const WHAT: &str = "a state of an environment";
 
 /// The state of one copy.
 #[derive(Serialize, Deserialize)]
@@ -27,12 +28,11 @@ pub(super) struct CopyState {
 
 impl CopyState {
     pub(super) fn to_bytes(&self) -> Vec<u8> {
-        let mut bytes = MAGIC.to_vec();
         let state = postcard::to_stdvec(self);
-        bytes.extend(state.expect("plain numbers in memory can always be written"));
-        let checksum = xxh64(&bytes, 0).to_le_bytes();
-        bytes.extend(checksum);
-        bytes
+        seal(
+            MAGIC,
+            &state.expect("plain numbers in memory can always be written"),
+        )
     }
 
     /// Reads what [`to_bytes`](Self::to_bytes) wrote.
@@ -40,18 +40,7 @@ impl CopyState {
     /// # Errors
     /// Why the bytes are not a state, or not an undamaged one.
     pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
-        if !bytes.starts_with(&MAGIC[..7]) {
-            return Err("the bytes are not a state of an environment of seedbed".to_owned());
-        }
-        if !bytes.starts_with(MAGIC) {
-            return Err("the state was written by another version of seedbed".to_owned());
-        }
-        let damaged = || "the state is damaged: bytes are missing or have changed".to_owned();
-        let end = bytes.len().saturating_sub(CHECKSUM_BYTES).max(MAGIC.len());
-        let (content, checksum) = bytes.split_at(end);
-        if xxh64(content, 0).to_le_bytes() != checksum {
-            return Err(damaged());
-        }
-        postcard::from_bytes(&content[MAGIC.len()..]).map_err(|_| damaged())
+        let content = open(MAGIC, bytes, WHAT)?;
+        postcard::from_bytes(content).map_err(|_| damaged(WHAT))
     }
 }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// A number of threads. Results must not depend on it.
-pub(super) struct Threads {
+pub(crate) struct Threads {
     count: usize,
     /// `None` for the current thread only.
     pool: Option<ThreadPool>,
@@ -17,7 +17,7 @@ pub(super) struct Threads {
 }
 
 impl Threads {
-    pub(super) fn new(count: usize) -> PyResult<Self> {
+    pub(crate) fn new(count: usize) -> PyResult<Self> {
         Ok(Self {
             count,
             pool: pool(count)?,
@@ -25,7 +25,7 @@ impl Threads {
         })
     }
 
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.count
     }
 
@@ -41,6 +41,12 @@ impl Threads {
             _ => items.iter_mut().for_each(work),
         }
         Ok(())
+    }
+
+    /// The pool of the threads; none for the current thread only.
+    pub(crate) fn pool(&mut self) -> PyResult<Option<&ThreadPool>> {
+        self.renew_after_fork()?;
+        Ok(self.pool.as_ref())
     }
 
     /// Makes new threads in a process that was forked: threads are not copied, so that work for those

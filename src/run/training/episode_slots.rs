@@ -8,9 +8,9 @@ use super::episode_warning::EpisodeWarning;
 use crate::run::facts::EpisodeDetails;
 use crate::scenario::recording::SceneSettings;
 use seedbed_env::{Environment, Pose, Status};
-use seedbed_learn::agent::ActScratch;
 use seedbed_learn::experience::Episode;
-use seedbed_learn::team::{ActionRequest, Team};
+use seedbed_learn::rollout::{ActingAgents, GroupStep, Player};
+use seedbed_learn::team::Team;
 use seedbed_random::{Purpose, Stream, stream};
 use seedbed_scene::outline::terrain_lines;
 
@@ -19,20 +19,7 @@ use seedbed_scene::outline::terrain_lines;
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct EpisodeSlots {
     pub(super) slots: Vec<EpisodeSlot>,
-    /// The stream from which each agent draws its actions: `[agents]`.
-    action_streams: Vec<Stream>,
-    #[serde(skip)]
-    buffers: StepBuffers,
-}
-
-/// Memory for one step of all agents, reused from step to step.
-#[derive(Debug, Default)]
-struct StepBuffers {
-    playing: Vec<bool>,
-    steps: Vec<u32>,
-    actions: Vec<f32>,
-    log_probs: Vec<f32>,
-    scratch: ActScratch,
+    agents: ActingAgents,
 }
 
 impl EpisodeSlots {
@@ -45,10 +32,7 @@ impl EpisodeSlots {
                 .zip(first_copy..)
                 .map(|(agent, copy)| EpisodeSlot::new(run_seed, agent, copy, round))
                 .collect(),
-            action_streams: agents
-                .map(|agent| stream(run_seed, Purpose::Action, agent, round))
-                .collect(),
-            buffers: StepBuffers::default(),
+            agents: ActingAgents::new(run_seed, agents, round),
         }
     }
 
@@ -56,7 +40,7 @@ impl EpisodeSlots {
     pub(super) fn renew(&mut self, run_seed: u64, index: usize, round: u32) -> &mut EpisodeSlot {
         let slot = &mut self.slots[index];
         let (agent, copy) = (slot.agent, slot.copy);
-        self.action_streams[index] = stream(run_seed, Purpose::Action, agent, round);
+        self.agents.renew(index, run_seed, agent, round);
         *slot = EpisodeSlot::new(run_seed, agent, copy, round);
         slot
     }
@@ -101,8 +85,8 @@ impl EpisodeSlots {
         team: &dyn Team,
         unreported_steps: u32,
     ) {
-        self.act(environment, team, unreported_steps);
-        environment.step(&self.buffers.actions);
+        let actions = self.act(environment, team, unreported_steps);
+        environment.step(actions);
     }
 
     /// All playing agents choose their next actions: `[agents × action width]`, one row per agent.
@@ -113,41 +97,16 @@ impl EpisodeSlots {
         team: &dyn Team,
         unreported_steps: u32,
     ) -> &[f32] {
-        let width = environment.spec().action_width();
         let observation_width = environment.spec().observation_width();
-        let first_copy = self.slots[0].copy;
-        let buffers = &mut self.buffers;
-        buffers.playing.clear();
-        buffers
-            .playing
-            .extend(self.slots.iter().map(EpisodeSlot::is_playing));
-        buffers.steps.clear();
-        buffers
-            .steps
-            .extend(self.slots.iter().map(EpisodeSlot::steps));
-        buffers.actions.resize(self.slots.len() * width, 0.0);
-        buffers.log_probs.resize(self.slots.len() * width, 0.0);
-        let mut request = ActionRequest {
-            first_agent: self.slots[0].agent as usize,
+        let EpisodeSlot { agent, copy, .. } = self.slots[0];
+        let step = GroupStep {
+            first_agent: agent,
+            action_width: environment.spec().action_width(),
             unreported_steps,
-            steps: &buffers.steps,
-            observations: &environment.observations()[first_copy * observation_width..]
+            observations: &environment.observations()[copy * observation_width..]
                 [..self.slots.len() * observation_width],
-            playing: &buffers.playing,
-            random: &mut self.action_streams,
-            actions: &mut buffers.actions,
-            log_probs: &mut buffers.log_probs,
         };
-        team.act(&mut request, &mut buffers.scratch);
-        let rows = buffers.actions.chunks_exact(width);
-        let rows = rows.zip(buffers.log_probs.chunks_exact(width));
-        for (slot, (action, log_prob)) in self.slots.iter_mut().zip(rows) {
-            if let Some(episode) = &mut slot.playing {
-                episode.actions.extend_from_slice(action);
-                episode.log_probs.extend_from_slice(log_prob);
-            }
-        }
-        &buffers.actions
+        self.agents.act(team, &step, &mut self.slots)
     }
 }
 
@@ -213,6 +172,12 @@ pub(super) struct EpisodeSlot {
     pub(super) warning: Option<EpisodeWarning>,
 }
 
+impl Player for EpisodeSlot {
+    fn playing(&mut self) -> Option<&mut Episode> {
+        self.playing.as_mut()
+    }
+}
+
 impl EpisodeSlot {
     /// A slot that draws start states from the random stream of (run seed, agent, `round`).
     fn new(run_seed: u64, agent: u32, copy: usize, round: u32) -> Self {
@@ -228,12 +193,6 @@ impl EpisodeSlot {
 
     pub(super) fn is_playing(&self) -> bool {
         self.playing.is_some()
-    }
-
-    /// Number of steps of the episode that is playing; 0 without one.
-    fn steps(&self) -> u32 {
-        let playing = self.playing.as_ref();
-        playing.map_or(0, |episode| episode.length() as u32)
     }
 
     /// Starts the agent's episode number `episode`.
@@ -264,11 +223,9 @@ impl EpisodeSlot {
     pub(super) fn observe(&mut self, environment: &dyn Environment) -> Option<Episode> {
         let mut episode = self.playing.take()?;
         let copy = self.copy;
-        episode.rewards.push(environment.rewards()[copy]);
-        let observation = self.observation(environment);
-        episode.observations.extend_from_slice(observation);
+        let (reward, status) = (environment.rewards()[copy], environment.statuses()[copy]);
+        episode.add_result(reward, self.observation(environment), status);
         self.record_details(environment);
-        episode.outcome = environment.statuses()[copy];
         if episode.outcome == Status::Running {
             self.playing = Some(episode);
             return None;

@@ -6,8 +6,6 @@
 //! exchange what all need; `shared_episodes` and `remote_steps` are its parts. Must not
 //! depend on files.
 
-mod agent_round;
-mod agreement;
 mod asynchronous;
 mod episode_slots;
 mod episode_warning;

@@ -5,10 +5,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::agent_round::AgentRound;
 use crate::run::ranks::Ranks;
 use seedbed_env::Status;
 use seedbed_learn::experience::Episode;
+use seedbed_learn::rollout::AgentRound;
 use seedbed_learn::team::Team;
 
 /// What the agents of one rank have played since the last exchange.

@@ -7,7 +7,6 @@
 
 use std::ops::Range;
 
-use super::agent_round::AgentRound;
 use super::episode_slots::EpisodeSlots;
 use super::episode_warning::EpisodeWarning;
 use super::remote_steps::{PlayedSteps, RemoteRounds};
@@ -17,6 +16,7 @@ use seedbed_env::Environment;
 use seedbed_env::gymnasium::{EnvironmentFailure, catch_failure};
 use seedbed_learn::cancellation::cancellation_point;
 use seedbed_learn::experience::Episode;
+use seedbed_learn::rollout::AgentRound;
 use seedbed_learn::team::{Team, Workers};
 
 /// Settings of one round.

@@ -11,6 +11,7 @@ pub mod random;
 pub mod seed_pg;
 pub mod seed_psrl;
 pub mod seed_sac;
+mod tensor_metadata;
 pub mod value_based;
 
 use serde::{Deserialize, Serialize};
@@ -235,5 +236,13 @@ impl Algorithm {
     #[must_use]
     pub fn transitions_kept(&self) -> u64 {
         self.config().transitions_kept()
+    }
+
+    /// Whether agents have intrinsic rewards that can differ, whose agreement is measured.
+    #[must_use]
+    pub fn compares_bonuses(&self) -> bool {
+        let bonus = self.config().bonus();
+        self.largest_intrinsic_reward().is_some()
+            && !bonus.is_some_and(Bonus::is_same_for_all_agents)
     }
 }

@@ -3,11 +3,14 @@
 //!
 //! [`Team`] is the interface for training loops. [`IndependentLearners`] is a team of K
 //! [`Agent`](crate::agent::Agent)s with their own networks; learners that share models implement
-//! the trait themselves. [`Workers`] are the threads that a team may use.
+//! the trait themselves. [`LearningTeam`] is a team with the buffer of its episodes. [`Workers`] are
+//! the threads that a team may use.
 
+mod agreement;
 mod bonuses;
 mod independent;
 mod learning_clock;
+mod learning_team;
 mod local_models;
 mod workers;
 
@@ -25,6 +28,7 @@ use seedbed_random::Stream;
 pub(crate) use bonuses::{HasBonusModel, mean_bonus, update_bonus_models};
 pub use independent::IndependentLearners;
 pub(crate) use learning_clock::{LearningClock, SavedProgress};
+pub use learning_team::LearningTeam;
 pub(crate) use local_models::LocalModels;
 pub use workers::Workers;
 

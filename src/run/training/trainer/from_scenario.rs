@@ -7,7 +7,6 @@ use crate::run::training::thread_count;
 use crate::scenario::{Scenario, Schedule, StepsOf};
 use seedbed_env::{Environment, Physics, TaskDescription, TaskSpec, build_with_workers};
 use seedbed_input::InputError;
-use seedbed_learn::agent::bonus::Bonus;
 use seedbed_learn::team::{LearningTiming, Team, TeamContext};
 
 impl Trainer {
@@ -72,15 +71,13 @@ fn build_team(scenario: &Scenario, spec: &TaskSpec, ranks: Ranks) -> Box<dyn Tea
 }
 
 fn training_settings(scenario: &Scenario, threads: usize) -> TrainingSettings {
-    let bonus = scenario.algorithm.config().bonus();
     TrainingSettings {
         run_seed: scenario.seed,
         schedule: scenario.schedule,
         stop: scenario.stop.clone(),
         scene: scenario.recording.scene.clone(),
         transitions_kept: scenario.algorithm.transitions_kept(),
-        compares_bonuses: scenario.algorithm.largest_intrinsic_reward().is_some()
-            && !bonus.is_some_and(Bonus::is_same_for_all_agents),
+        compares_bonuses: scenario.algorithm.compares_bonuses(),
         threads,
         local_agents: None,
     }

@@ -23,9 +23,9 @@ use crate::scenario::recording::SceneSettings;
 use crate::scenario::{Schedule, Stop, Threshold};
 use seedbed_env::{Environment, Scene, TaskSpec};
 use seedbed_learn::experience::replay::Replay;
-use seedbed_learn::experience::{Episode, SharedBuffer, StepData};
+use seedbed_learn::experience::{Episode, StepData};
 use seedbed_learn::nn::Tensor;
-use seedbed_learn::team::Team;
+use seedbed_learn::team::{LearningTeam, Team};
 
 /// The environments, team, shared buffer and measures of a run.
 ///
@@ -37,10 +37,7 @@ pub struct Trainer {
     scene: Option<Scene>,
     /// Empty in a [`SharedWorld`](super::shared_world::SharedWorld), which owns the copies.
     groups: Vec<CopyGroup>,
-    team: Box<dyn Team>,
-    buffer: SharedBuffer,
-    /// Number of the team's episodes before the newest round.
-    episodes_before_round: u64,
+    learning: LearningTeam,
     /// State of the rollout with `Asynchronous`; `None` with other schedules, and before the first
     /// round.
     rollout: Option<AsyncRollout>,
@@ -160,11 +157,9 @@ impl Trainer {
             measures: Measures::new(&spec, agents),
             spec,
             scene,
-            buffer: SharedBuffer::default(),
-            episodes_before_round: 0,
             rollout: None,
             groups: Vec::new(),
-            team,
+            learning: LearningTeam::new(team, settings.transitions_kept),
             physics_warning: None,
             round: 0,
             is_done: false,
@@ -182,7 +177,7 @@ impl Trainer {
 
     /// The team, which acts in a shared world.
     pub(in crate::run::training) fn team(&self) -> &dyn Team {
-        &*self.team
+        self.learning.team()
     }
 
     /// Whether the scenario's `stop` is reached.
@@ -235,7 +230,7 @@ impl Trainer {
     /// Number of agents K.
     #[must_use]
     pub fn agent_count(&self) -> usize {
-        self.team.agent_count()
+        self.team().agent_count()
     }
 
     /// The parameters of all networks, with names such as `agent_3.policy.layer_0.weight`; the
@@ -243,20 +238,20 @@ impl Trainer {
     /// whole team shares with `team.`.
     #[must_use]
     pub fn tensors(&self) -> Vec<Tensor<'_>> {
-        self.team.tensors()
+        self.team().tensors()
     }
 
     /// The agent seeds, with names such as `agent_3.reward_seeds` and
     /// `agent_3.initial.policy.layer_0.weight`.
     #[must_use]
     pub fn initial_tensors(&self) -> Vec<Tensor<'_>> {
-        self.team.initial_tensors()
+        self.team().initial_tensors()
     }
 
     /// The newest round's episodes, in (agent, episode) order.
     #[must_use]
     pub fn newest_episodes(&self) -> Vec<&Episode> {
-        newest_episodes(&self.buffer, self.episodes_before_round)
+        self.learning.newest_episodes()
     }
 
     /// The first thing in the run that the physics of its task cannot have computed well.
@@ -280,12 +275,12 @@ impl Trainer {
     /// The transitions that the team learns from, if it has a replay buffer.
     #[must_use]
     pub fn replay(&self) -> Option<&Replay> {
-        self.team.replay()
+        self.team().replay()
     }
 
     /// The replay buffer, to restore its transitions.
     pub fn replay_mut(&mut self) -> Option<&mut Replay> {
-        self.team.replay_mut()
+        self.learning.team_mut().replay_mut()
     }
 }
 
@@ -314,14 +309,4 @@ fn number_agents(environments: Vec<Box<dyn Environment>>, mut first_agent: u32) 
 fn local_agents(settings: &TrainingSettings, team: &dyn Team) -> Range<u32> {
     let local = settings.local_agents.clone();
     local.unwrap_or(0..team.agent_count() as u32)
-}
-
-/// The team's episodes after the first `episodes_before_round`, in (agent, episode) order.
-fn newest_episodes(buffer: &SharedBuffer, episodes_before_round: u64) -> Vec<&Episode> {
-    let mut episodes: Vec<&Episode> = buffer
-        .episodes_after(episodes_before_round)
-        .iter()
-        .collect();
-    episodes.sort_by_key(|episode| (episode.agent, episode.episode));
-    episodes
 }

@@ -1,10 +1,9 @@
 //! A round of a trainer: playing, learning and measuring.
 
 use super::round_failure::{RoundFailure, check_episode};
-use super::{Round, Trainer, TrainingSettings, local_agents, newest_episodes};
+use super::{Round, Trainer, TrainingSettings, local_agents};
 use crate::run::facts::EpisodeDetails;
 use crate::run::ranks::Ranks;
-use crate::run::training::agreement;
 use crate::run::training::asynchronous::{AsyncConfig, AsyncRollout};
 use crate::run::training::episode_warning::EpisodeWarning;
 use crate::run::training::remote_steps::RemoteRounds;
@@ -14,7 +13,7 @@ use crate::scenario::Schedule;
 use seedbed_env::Environment;
 use seedbed_env::gymnasium::catch_failure;
 use seedbed_learn::agent::UpdateReport;
-use seedbed_learn::team::{AgentUpdate, Learner, LearningRequest, Workers};
+use seedbed_learn::team::{AgentUpdate, Workers};
 
 /// What agents play in a round of training. All rounds have as many episodes.
 fn plan_of_round(settings: &TrainingSettings, round: u32) -> RoundPlan<'_> {
@@ -59,8 +58,8 @@ impl Trainer {
         first_copy: usize,
     ) -> GroupRound<'static> {
         self.forget_old_episodes();
-        self.team.begin_round(self.round);
-        let agents = 0..self.team.agent_count() as u32;
+        self.learning.team_mut().begin_round(self.round);
+        let agents = 0..self.agent_count() as u32;
         let plan = RoundPlan {
             scene: None,
             ..plan_of_round(&self.settings, self.round)
@@ -75,11 +74,12 @@ impl Trainer {
         environment: &mut dyn Environment,
         round: &mut GroupRound<'_>,
     ) {
-        let interval = self.team.transition_interval();
+        let interval = self.team().transition_interval();
         round.observe(environment, interval.is_some());
         let is_due = |interval| round.unreported_steps() >= interval || round.is_over();
         if interval.is_some_and(is_due) {
-            let (workers, team) = (Workers::new(self.pool.as_ref()), &mut *self.team);
+            let workers = Workers::new(self.pool.as_ref());
+            let team = self.learning.team_mut();
             let mut remote = RemoteRounds::new(Ranks::SINGLE);
             rollout::report_transitions(&mut [round], &mut remote, team, workers);
         }
@@ -101,8 +101,7 @@ impl Trainer {
 
     /// Removes the episodes that are not needed any more, before a round.
     pub(in crate::run::training) fn forget_old_episodes(&mut self) {
-        self.buffer.remove_first(self.count_old_episodes());
-        self.episodes_before_round = self.buffer.episodes_added();
+        self.learning.forget_old_episodes(self.learned_by_all());
     }
 
     /// Measures and ends a round of all agents.
@@ -134,7 +133,7 @@ impl Trainer {
             step_data.extend(update.step_data);
         }
         step_data.sort_by_key(|data| (data.agent, data.episode));
-        let episodes = newest_episodes(&self.buffer, self.episodes_before_round);
+        let episodes = self.learning.newest_episodes();
         let rows = self
             .measures
             .add_round(&self.spec, self.round, &episodes, &reports);
@@ -151,17 +150,10 @@ impl Trainer {
         self.is_done = is_done;
     }
 
-    /// Number of the team's first episodes that are not needed any more: all agents have learned
-    /// from them, and they have none of the transitions to keep.
-    pub(super) fn count_old_episodes(&self) -> u64 {
-        let learned_by_all = self
-            .rollout
-            .as_ref()
-            .map_or(u64::MAX, AsyncRollout::learned_by_all);
-        let before_kept = self
-            .buffer
-            .count_before_newest(self.settings.transitions_kept);
-        learned_by_all.min(before_kept)
+    /// Number of the team's first episodes that all agents have learned from.
+    pub(super) fn learned_by_all(&self) -> u64 {
+        let rollout = self.rollout.as_ref();
+        rollout.map_or(u64::MAX, AsyncRollout::learned_by_all)
     }
 
     /// Every local agent plays its episodes of the round. A team that learns from transitions gets those of
@@ -175,7 +167,7 @@ impl Trainer {
     ) -> Result<PlayedEpisodes, RoundFailure> {
         let plan = plan_of_round(&self.settings, self.round);
         let workers = Workers::new(self.pool.as_ref());
-        let (groups, team) = (&mut self.groups, &mut *self.team);
+        let (groups, team) = (&mut self.groups, self.learning.team_mut());
         let played = catch_failure(|| {
             if team.transition_interval().is_some() {
                 rollout::play_and_report(groups, team, &plan, workers, remote)
@@ -207,16 +199,15 @@ impl Trainer {
         &mut self,
         learned_before: u64,
     ) -> Vec<AgentUpdate> {
-        let agents = local_agents(&self.settings, &*self.team);
-        let learners: Vec<_> = agents
-            .map(|agent| (agent, learned_before, self.round))
-            .collect();
-        self.learn(&learners)
+        let agents = local_agents(&self.settings, self.team());
+        let workers = Workers::new(self.pool.as_ref());
+        self.learning
+            .learn_together(agents, learned_before, self.round, workers)
     }
 
     /// Number of the team's episodes so far.
     pub(in crate::run::training) fn episodes_added(&self) -> u64 {
-        self.buffer.episodes_added()
+        self.learning.episodes_added()
     }
 
     /// Whether the agents have intrinsic rewards whose agreement is measured.
@@ -236,12 +227,14 @@ impl Trainer {
             steps_per_update,
             scene: scene.as_ref(),
         };
-        let count = self.team.agent_count();
+        let count = self.agent_count();
         let rollout = self.rollout.take();
         let mut rollout = rollout.unwrap_or_else(|| AsyncRollout::new(config.run_seed, count));
         let (mut updates, mut details) = (Vec::new(), Vec::new());
-        while self.buffer.episodes_added() < self.episodes_before_round + count as u64 {
-            let (environment, team) = (&mut *self.groups[0].environment, &*self.team);
+        let episodes_at_end = self.learning.episodes_before_round() + count as u64;
+        while self.episodes_added() < episodes_at_end {
+            let environment = &mut *self.groups[0].environment;
+            let team = self.learning.team();
             let played = catch_failure(|| rollout.play(environment, team, &config));
             let ended =
                 played.map_err(|failure| located(failure, |copy| rollout.place_of(copy)))?;
@@ -254,11 +247,12 @@ impl Trainer {
             details.extend(ended.details);
             let mut learners = Vec::new();
             for agent in agents {
-                let total = self.buffer.episodes_added();
+                let total = self.episodes_added();
                 let (learned_before, earlier_updates) = rollout.begin_update(agent, total, &config);
                 learners.push((agent, learned_before, earlier_updates));
             }
-            let newest = self.learn(&learners);
+            let workers = Workers::new(self.pool.as_ref());
+            let newest = self.learning.learn(&learners, workers);
             self.check_updates(&newest)?;
             updates.extend(newest);
         }
@@ -271,36 +265,13 @@ impl Trainer {
     /// Checks episodes that ended in the same step, and adds them to the shared buffer.
     pub(in crate::run::training) fn add_to_buffer(
         &mut self,
-        mut shared: SharedEpisodes,
+        shared: SharedEpisodes,
     ) -> Result<(), RoundFailure> {
-        for episode in &mut shared.episodes {
-            check_episode(&self.spec, episode)?;
-            episode.round = self.round;
-        }
         let SharedEpisodes { episodes, lengths } = shared;
-        self.buffer.add_episodes_of_lengths(episodes, lengths);
+        let mut to_check = episodes.iter();
+        to_check.try_for_each(|episode| check_episode(&self.spec, episode))?;
+        self.learning.add_episodes(episodes, lengths, self.round);
         Ok(())
-    }
-
-    /// Some agents learn at the same time. `learners`: (agent, number of the team's episodes that
-    /// it has learned from before, number of its earlier updates), in agent order
-    fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Vec<AgentUpdate> {
-        let episodes = self.buffer.episodes_after(0);
-        let removed = self.buffer.episodes_added() - episodes.len() as u64;
-        let learners: Vec<Learner> = learners
-            .iter()
-            .map(|&(agent, learned_before, earlier_updates)| Learner {
-                agent,
-                first_new_episode: learned_before.saturating_sub(removed) as usize,
-                earlier_updates,
-            })
-            .collect();
-        let request = LearningRequest {
-            episodes,
-            lengths: self.buffer.lengths_after(0),
-            learners: &learners,
-        };
-        self.team.learn(&request, Workers::new(self.pool.as_ref()))
     }
 
     /// Checks that all agents have learned finite parameters.
@@ -325,24 +296,20 @@ impl Trainer {
         plan: &RoundPlan<'_>,
     ) -> Result<PlayedEpisodes, RoundFailure> {
         let workers = Workers::new(self.pool.as_ref());
-        let (groups, team) = (&mut self.groups, &mut *self.team);
+        let (groups, team) = (&mut self.groups, self.learning.team_mut());
         Ok(catch_failure(|| {
             rollout::play(groups, team, plan, workers)
         })?)
     }
 
-    /// Agreement of the agents' intrinsic rewards for the steps of the round's first episode; see
-    /// [`agreement`].
+    /// Agreement of the agents' intrinsic rewards; see [`LearningTeam::bonus_agreement`].
+    ///
+    /// [`LearningTeam::bonus_agreement`]: seedbed_learn::team::LearningTeam::bonus_agreement
     pub(in crate::run::training) fn bonus_agreement(&mut self) -> Option<f64> {
         if !self.settings.compares_bonuses {
             return None;
         }
-        let probe_episode = self
-            .buffer
-            .episodes_after(self.episodes_before_round)
-            .first()?;
-        let bonuses = self.team.probe_bonuses(probe_episode, self.round);
-        agreement::mean_rank_correlation(&bonuses)
+        self.learning.bonus_agreement(self.round)
     }
 }
 

@@ -37,12 +37,13 @@ impl Trainer {
 
     /// Like [`save`](Self::save), with the states of the copies of all agents.
     pub(in crate::run::training) fn save_with(&self, copies: Vec<Vec<u8>>) -> Vec<u8> {
+        let (team, buffer, recorded) = self.learning.save(self.learned_by_all());
         let saved = Saved {
             round: self.round,
             copies,
-            team: self.team.save(),
-            buffer: self.buffer.without_first(self.count_old_episodes()),
-            recorded: self.episodes_before_round,
+            team,
+            buffer,
+            recorded,
             rollout: &self.rollout,
             measures: &self.measures,
         };
@@ -85,9 +86,8 @@ impl Trainer {
             rollout.set_info(info);
         }
         self.restore_copies(&saved.copies)?;
-        self.team.restore(&saved.team)?;
-        self.buffer = saved.buffer;
-        self.episodes_before_round = saved.recorded;
+        let (buffer, recorded) = (saved.buffer, saved.recorded);
+        self.learning.restore(&saved.team, buffer, recorded)?;
         self.rollout = rollout;
         self.measures = saved.measures;
         self.round = saved.round;

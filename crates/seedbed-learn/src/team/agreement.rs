@@ -7,7 +7,6 @@
 ///
 /// With ranks standardized to z, the mean of z_i·z_j/N over pairs i ≠ j is (‖Σ z‖²/N − K) / (K (K −
 /// 1)), which takes O(K·N) instead of O(K²·N).
-#[must_use]
 pub(super) fn mean_rank_correlation(rewards: &[Vec<f32>]) -> Option<f64> {
     let (agents, steps) = (rewards.len() as f64, rewards.first()?.len());
     let mut sum = vec![0.0; steps];
