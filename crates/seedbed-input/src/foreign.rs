@@ -283,7 +283,7 @@ fn number(token: Token<'_>) -> Option<String> {
 /// The place where a comma is missing, if a field or value follows.
 fn missing_comma(text: &str, before: Token<'_>, found: Token<'_>) -> Option<String> {
     let follows = found.is_word() || found.is_number() || found.text.starts_with(['(', '[', '"']);
-    if [",", "(", "[", "{"].contains(&before.text) || before.text.contains('\n') {
+    if [",", ":", "(", "[", "{"].contains(&before.text) || before.text.contains('\n') {
         return None;
     }
     let line = line(text, before.start);

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use seedbed_settings::{Tree, Value};
+use seedbed_settings::{Expected, Tree, Value};
 
 /// The parts of a file of the form `Kind(name: value, …)`. All positions are byte offsets.
 pub(super) struct FileParts {
@@ -25,9 +25,12 @@ pub(super) struct Field {
 }
 
 impl FileParts {
-    /// Splits a text. `None` if it does not have this form.
+    /// Splits a text. `None` if it does not have this form; what follows its last parenthesis does not matter.
     pub(super) fn split(text: &str) -> Option<Self> {
-        let root = Tree::parse(text).ok()?.root;
+        let Tree { root, error, .. } = Tree::parse_partly(text);
+        if error.is_some_and(|error| error.expected != Expected::EndOfText) {
+            return None;
+        }
         let found = match &root.value {
             Value::Record { fields, .. } => &fields[..],
             Value::Tuple { items, .. } if items.is_empty() => &[],
