@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from .reading import Run, load, runs
     from .recording import RecordingError, RecordVisitation, RecordVisitationVector
     from .registration import environment_id, tasks
-    from .studying import Study, Tuning, check, study, tune
+    from .studying import Study, Tuning, check, register, study, tune
     from .team import Team
     from .training import RunState, train
     from .vec_env_recording import RecordVecEnv
@@ -78,6 +78,7 @@ __all__ = [
     "load",
     "make",
     "parallel_env",
+    "register",
     "runs",
     "study",
     "tasks",
@@ -95,7 +96,7 @@ _MODULES = {
     "reading": ("Run", "load", "runs"),
     "recording": ("RecordVisitation", "RecordVisitationVector", "RecordingError"),
     "registration": ("environment_id", "tasks"),
-    "studying": ("Study", "Tuning", "check", "study", "tune"),
+    "studying": ("Study", "Tuning", "check", "register", "study", "tune"),
     "team": ("Team",),
     "training": ("RunState", "train"),
     "vec_env_recording": ("RecordVecEnv",),

@@ -70,6 +70,7 @@ def study(
     what: File | Mapping[str, Any],
     *,
     name: str = "study",
+    confirm: bool = False,
     quick: bool = False,
     out: File | None = None,
     jobs: int | None = None,
@@ -87,6 +88,7 @@ def study(
             the fields `measures`, `direction`, `figures` and other words of the format are written without quotes, and
             paths begin in the working directory.
         name: Name of a study that is a map.
+        confirm: Run what `register` has registered, with the run seeds that derive from it.
         quick: Use the study's `quick` settings, in a separate folder.
         out: Folder of the results; by default `recordings/studies/NAME`.
         jobs: Number of simultaneous runs; by default the number of cores.
@@ -109,11 +111,35 @@ def study(
     options += [] if out is None else ["--out", out]
     options += [] if jobs is None else ["--jobs", str(jobs)]
     options += [] if tensorboard is None else ["--tensorboard", tensorboard]
+    command = ["study", "confirm"] if confirm else ["study"]
     with tempfile.TemporaryDirectory(prefix="seedbed-") as folder:
-        printed = _run(["study", _written(what, Path(folder), name), *options], Path(folder))
+        printed = _run([*command, _written(what, Path(folder), name), *options], Path(folder))
     report = re.search(r"^report +(.*)$", printed, re.MULTILINE)
     assert report is not None, printed
     return Study(Path(report[1]).parent, frames=frames)
+
+
+def register(what: File, *, out: File | None = None) -> Text:
+    """Register a study before its runs: its claims, cells and numbers of runs are fixed in `NAME.ron.lock`, beside its file.
+
+    Args:
+        what: The study file.
+        out: Folder of runs that were made before; by default `recordings/studies/NAME`.
+
+    Returns:
+        What `seedbed study register` prints: how many runs each claim needs.
+
+    Raises:
+        InputError: Something in the study is wrong, or it is registered already.
+
+    Example:
+        >>> register("team_size.ron")  # doctest: +SKIP
+        >>> study("team_size.ron", confirm=True)  # doctest: +SKIP
+    """
+    lines: list[str] = []
+    options: list[programs.Argument] = [] if out is None else ["--out", out]
+    programs.follow(["study", "register", what, *options], on_line=lines.append, on_message=lines.append)
+    return Text("\n".join(lines))
 
 
 def tune(

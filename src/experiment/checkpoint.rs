@@ -36,7 +36,7 @@ const EXTENSION: &str = "checkpoint";
 
 const FORMAT: Format = Format {
     kind: *b"srun",
-    version: 3,
+    version: 4,
 };
 
 /// Path of the checkpoint of the run with this digest and run seed, in a folder of result files.

@@ -1,8 +1,10 @@
 //! Measures of runs, as one number per run.
 
+use std::fmt;
 use std::ops::Not;
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::experiment::run_result::RunResult;
 pub use crate::plotting::trailing_means;
@@ -14,9 +16,12 @@ use seedbed_input::{FORMER_NAMES, settings_of};
 use seedbed_stats::aggregate::{mean, median, quantile};
 use seedbed_stats::survival::TimeToEvent;
 
+/// A number of environment steps of a team.
+pub type EnvSteps = Count<4_000_000_000>;
+
 /// A measure: one number per run of a whole team.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, remote = "Self")]
 pub enum Measure {
     /// Number of episodes per agent until the team solves its task. Runs that do not solve it are
     /// censored.
@@ -42,6 +47,13 @@ pub enum Measure {
         /// Number of episodes of each agent.
         #[serde(default = "default_window")]
         window: Count,
+        /// Episodes that end later do not count: environment steps of the team. Unknown of runs that ended
+        /// before, unless it is held.
+        #[serde(default, with = "given", skip_serializing_if = "Option::is_none")]
+        steps: Option<EnvSteps>,
+        /// Whether runs that ended before keep the mean of their last episodes.
+        #[serde(default, skip_serializing_if = "Not::not")]
+        held: bool,
     },
     /// Mean return of the team over the episodes up to a given episode. Unknown of runs that ended
     /// before, unless it is held.
@@ -83,13 +95,17 @@ pub enum Measure {
         /// Curve.
         of: Curve,
     },
-    /// Value of a curve after each agent has finished a given number of episodes. Unknown of runs that
-    /// ended before, unless it is held.
+    /// Value of a curve after each agent has finished a given number of episodes, or after a given number of
+    /// environment steps of the team. Unknown of runs that ended before, unless it is held.
     At {
         /// Curve.
         of: Curve,
-        /// Number of episodes.
-        episode: Count,
+        /// Number of episodes. Either this or `steps` is given.
+        #[serde(default, with = "given", skip_serializing_if = "Option::is_none")]
+        episode: Option<Count>,
+        /// Number of environment steps of the team.
+        #[serde(default, with = "given", skip_serializing_if = "Option::is_none")]
+        steps: Option<EnvSteps>,
         /// Whether runs that ended before keep their last value.
         #[serde(default, skip_serializing_if = "Not::not")]
         held: bool,
@@ -99,6 +115,69 @@ pub enum Measure {
         /// Curve.
         of: Curve,
     },
+}
+
+/// Optional fields that are written without `Some`, as in the names of columns.
+mod given {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<T: Serialize, S: Serializer>(
+        value: &Option<T>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        match value {
+            Some(value) => value.serialize(serializer),
+            None => serializer.serialize_none(),
+        }
+    }
+
+    pub(super) fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<T>, D::Error> {
+        T::deserialize(deserializer).map(Some)
+    }
+}
+
+/// The moment of a run at which something is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moment {
+    /// Each agent has finished this number of episodes.
+    Episode(u32),
+    /// The team has made this number of environment steps.
+    EnvSteps(u32),
+}
+
+impl fmt::Display for Moment {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Episode(episode) => write!(formatter, "episode {episode}"),
+            Self::EnvSteps(steps) => write!(formatter, "environment step {steps} of the team"),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Measure {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let measure = Self::deserialize(deserializer)?;
+        let Self::At { episode, steps, .. } = measure else {
+            return Ok(measure);
+        };
+        match (episode, steps) {
+            (None, None) => Err(D::Error::custom(
+                "expected `episode` or `steps`, for example `At(of: Return, episode: 100)`",
+            )),
+            (Some(_), Some(_)) => Err(D::Error::custom(
+                "expected either `episode` or `steps`, found both",
+            )),
+            _ => Ok(measure),
+        }
+    }
+}
+
+impl Serialize for Measure {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
+    }
 }
 
 /// Requirement that a run must fulfill for a measure.
@@ -117,6 +196,16 @@ pub enum Needs {
 }
 
 impl Measure {
+    /// The mean return of the last episodes of a whole run.
+    #[must_use]
+    pub fn final_return(window: Count) -> Self {
+        Self::FinalReturn {
+            window,
+            steps: None,
+            held: false,
+        }
+    }
+
     /// Value of this measure for a run: infinite for a time that was not reached, `None` if the run
     /// does not have this measure.
     #[must_use]
@@ -138,7 +227,12 @@ impl Measure {
             Self::Regret => {
                 (!run.regrets.is_empty()).then(|| run.curve(Curve::Regret).iter().sum())
             }
-            Self::FinalReturn { window } => window_return(run, usize::MAX, window.get() as usize),
+            Self::FinalReturn { window, .. } if self.is_known_of(run) => match self.moment() {
+                Some(Moment::EnvSteps(steps)) => {
+                    window_return(&run.until(steps.into())?, usize::MAX, window.get() as usize)
+                }
+                _ => window_return(run, usize::MAX, window.get() as usize),
+            },
             Self::ReturnAt {
                 episode, window, ..
             } if self.is_known_of(run) => {
@@ -160,10 +254,11 @@ impl Measure {
             .of(run),
             Self::Mean { of: Curve::Return } => window_return(run, usize::MAX, usize::MAX),
             Self::Mean { of } => (!run.curve(of).is_empty()).then(|| mean(&run.curve(of))),
-            Self::At { of, episode, .. } if self.is_known_of(run) => {
-                run.curve_at(of, episode.get())
-            }
-            Self::ReturnAt { .. } | Self::At { .. } => None,
+            Self::At { of, .. } if self.is_known_of(run) => match self.moment()? {
+                Moment::Episode(episode) => run.curve_at(of, episode),
+                Moment::EnvSteps(steps) => run.curve_at(of, run.episodes_at(steps.into())?),
+            },
+            Self::FinalReturn { .. } | Self::ReturnAt { .. } | Self::At { .. } => None,
             Self::Last { of: Curve::Return } => window_return(run, usize::MAX, 1),
             Self::Last { of } => run.curve(of).last().copied(),
         }
@@ -192,26 +287,44 @@ impl Measure {
         }
     }
 
-    /// Whether this measure of a given episode is known: every agent of the run has finished the
-    /// episode, or the value at the end of the run is held.
-    fn is_known_of(self, run: &RunResult) -> bool {
+    /// The moment at which this measure is taken; `None` if it is of a whole run.
+    #[must_use]
+    pub fn moment(self) -> Option<Moment> {
         match self {
-            Self::ReturnAt { episode, held, .. } | Self::At { episode, held, .. } => {
-                held || run.episodes_per_agent() >= episode.get() as usize
+            Self::ReturnAt { episode, .. } => Some(Moment::Episode(episode.get())),
+            Self::At { episode, steps, .. } => {
+                let episode = episode.map(|episode| Moment::Episode(episode.get()));
+                episode.or(steps.map(|steps| Moment::EnvSteps(steps.get())))
             }
-            _ => true,
+            Self::FinalReturn { steps, .. } => steps.map(|steps| Moment::EnvSteps(steps.get())),
+            _ => None,
         }
     }
 
-    /// The episode at which this measure is unknown of runs that ended before.
+    /// The moment at which this measure is unknown of runs that ended before.
     #[must_use]
-    pub fn needed_episode(self) -> Option<u32> {
-        match self {
-            Self::ReturnAt { episode, held, .. } | Self::At { episode, held, .. } => {
-                (!held).then_some(episode.get())
-            }
-            _ => None,
-        }
+    pub fn needed_moment(self) -> Option<Moment> {
+        let (Self::FinalReturn { held, .. } | Self::ReturnAt { held, .. } | Self::At { held, .. }) =
+            self
+        else {
+            return None;
+        };
+        self.moment().filter(|_| !held)
+    }
+
+    /// Whether this measure of a given moment is known: the run has reached the moment, or the value at the end
+    /// of the run is held.
+    fn is_known_of(self, run: &RunResult) -> bool {
+        self.needed_moment().is_none_or(|moment| match moment {
+            Moment::Episode(episode) => run.episodes_per_agent() >= episode as usize,
+            Moment::EnvSteps(steps) => run.reaches_step(steps.into()),
+        })
+    }
+
+    /// Whether this measure needs the environment steps at the end of each episode.
+    #[must_use]
+    pub fn counts_env_steps(self) -> bool {
+        self == Self::EnvStepsToSolve || matches!(self.moment(), Some(Moment::EnvSteps(_)))
     }
 
     /// The measure as in the text of claims on which locks depend: its settings without defaults, such as
@@ -268,10 +381,12 @@ impl Measure {
     /// Whether this measure needs the returns of single episodes, or counts episodes.
     #[must_use]
     pub fn counts_episodes(self) -> bool {
-        !matches!(
-            self,
-            Self::Solved | Self::EnvStepsToSolve | Self::Mean { .. } | Self::Last { .. }
-        )
+        let is_at_a_step = matches!(self, Self::At { steps: Some(_), .. });
+        !is_at_a_step
+            && !matches!(
+                self,
+                Self::Solved | Self::EnvStepsToSolve | Self::Mean { .. } | Self::Last { .. }
+            )
     }
 
     /// Whether this measure is 0 or 1 for each run.
@@ -349,11 +464,15 @@ impl Measure {
             Self::Reach => "share of agents that reached the goal".to_owned(),
             Self::FirstGoal => "episode of the first goal".to_owned(),
             Self::Regret => "regret per agent".to_owned(),
-            Self::FinalReturn { window } if window.get() == 1 => {
-                "return of the last episode".to_owned()
-            }
-            Self::FinalReturn { window } => {
-                format!("return over the last {} episodes", window.get())
+            Self::FinalReturn { window, held, .. } => {
+                let episodes = match window.get() {
+                    1 => "return of the last episode".to_owned(),
+                    window => format!("return over the last {window} episodes"),
+                };
+                match self.moment() {
+                    Some(moment) => format!("{episodes} up to {moment}{}", held_text(held)),
+                    None => episodes,
+                }
             }
             Self::ReturnAt {
                 episode,
@@ -379,12 +498,12 @@ impl Measure {
             }
             Self::Coverage => "coverage of the state space".to_owned(),
             Self::Mean { of } => format!("{}, mean of the run", of.metric().label()),
-            Self::At { of, episode, held } => format!(
-                "{} at episode {}{}",
-                of.metric().label(),
-                episode.get(),
-                held_text(held)
-            ),
+            Self::At { of, held, .. } => {
+                let moment = self
+                    .moment()
+                    .map_or(String::new(), |moment| format!(" at {moment}"));
+                format!("{}{moment}{}", of.metric().label(), held_text(held))
+            }
             Self::Last { of } => format!("{} at the end", of.metric().label()),
         }
     }
@@ -511,13 +630,64 @@ mod tests {
         assert_eq!(return_at(8, 25, false), None);
         assert_eq!(return_at(8, 2, true), Some(4.5));
         let at = |episode, held| {
-            let of = Curve::Return;
-            let episode = ranged_count(episode);
-            Measure::At { of, episode, held }.of(&run)
+            let measure = Measure::At {
+                of: Curve::Return,
+                episode: Some(ranged_count(episode)),
+                steps: None,
+                held,
+            };
+            measure.of(&run)
         };
         assert_eq!(at(4, false), Some(4.0));
         assert_eq!(at(6, false), None);
         assert_eq!(at(6, true), Some(5.0));
+    }
+
+    /// Two agents whose episodes end at steps 10, 30, 50 and 20, 40: at step 45 both have finished two, with mean
+    /// returns 2 and 5. The longest episode took 20 steps, so that step 65 may be one of a run of 50 steps whose
+    /// last episodes are not finished.
+    #[test]
+    fn measures_at_equal_steps_need_the_ends_of_episodes() {
+        let run = RunResult {
+            returns: vec![vec![1.0, 4.0, 9.0], vec![3.0, 6.0]],
+            episode_ends: vec![vec![10, 30, 50], vec![20, 40]],
+            env_steps: 50,
+            rounding: Rounding::Double,
+            ..RunResult::default()
+        };
+        let value = |measure: &str| ron::from_str::<Measure>(measure).unwrap().of(&run);
+        for (measure, expected) in [
+            ("At(of: Return, steps: 45)", Some(5.0)),
+            ("At(of: Return, steps: 39)", Some(2.0)),
+            ("At(of: Return, steps: 19)", None),
+            ("At(of: Return, steps: 65)", Some(5.0)),
+            ("At(of: Return, steps: 71)", None),
+            ("At(of: Return, steps: 71, held: true)", Some(5.0)),
+            ("FinalReturn(window: 2, steps: 45)", Some(3.5)),
+            ("FinalReturn(window: 1, steps: 50)", Some(7.5)),
+            ("FinalReturn(window: 1, steps: 71)", None),
+            ("FinalReturn(window: 1, steps: 71, held: true)", Some(7.5)),
+        ] {
+            assert_eq!(value(measure), expected, "{measure}");
+        }
+        let unknown = RunResult {
+            episode_ends: Vec::new(),
+            ..run
+        };
+        let measure: Measure = ron::from_str("FinalReturn(steps: 40)").unwrap();
+        assert_eq!(measure.of(&unknown), None);
+    }
+
+    #[test]
+    fn a_curve_is_measured_at_one_moment() {
+        let error = |measure: &str| {
+            ron::from_str::<Measure>(measure)
+                .unwrap_err()
+                .code
+                .to_string()
+        };
+        assert!(error("At(of: Return)").contains("expected `episode` or `steps`"));
+        assert!(error("At(of: Return, episode: 1, steps: 2)").contains("found both"));
     }
 
     /// Names of columns were written before measures could be held.
@@ -559,9 +729,7 @@ mod tests {
             rounding: crate::scenario::Rounding::Double,
             ..RunResult::default()
         };
-        let last = Measure::FinalReturn {
-            window: ranged_count(25),
-        };
+        let last: Measure = ron::from_str("FinalReturn()").unwrap();
         assert_eq!(last.of(&run), Some(499.0 / 3.0));
         assert_eq!(
             Measure::Last { of: Curve::Return }.of(&run),

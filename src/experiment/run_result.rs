@@ -36,6 +36,11 @@ pub struct RunResult {
     /// single precision, and are stored so.
     #[serde(with = "single_precision")]
     pub returns: Vec<Vec<f64>>,
+    /// Environment steps of the team when each episode had ended: `[K][episodes]`. In runs of seedbed, an episode
+    /// ends with its round. Empty if unknown, as of runs that earlier versions stored. Stored beside the other
+    /// results.
+    #[serde(skip)]
+    pub episode_ends: Vec<Vec<u64>>,
     /// How returns were rounded. It is not stored for runs of seedbed.
     #[serde(skip)]
     pub rounding: Rounding,
@@ -117,9 +122,72 @@ impl RunResult {
         }
     }
 
+    /// Adds to `ends`, which are to be the [`episode_ends`](Self::episode_ends), that the newest episodes ended at
+    /// the present number of environment steps.
+    pub(crate) fn end_episodes(&self, ends: &mut Vec<Vec<u64>>) {
+        ends.resize(self.returns.len(), Vec::new());
+        for (ends, returns) in ends.iter_mut().zip(&self.returns) {
+            ends.resize(returns.len(), self.env_steps);
+        }
+    }
+
     /// Adds the return of an episode of a run of seedbed.
     pub(crate) fn add_return(&mut self, agent: usize, r#return: f64) {
         self.returns[agent].push(f64::from(r#return as f32));
+    }
+
+    /// Number of episodes that every agent had finished when the team had made this number of environment steps;
+    /// `None` if it is unknown when episodes ended.
+    #[must_use]
+    pub fn episodes_at(&self, env_steps: u64) -> Option<u32> {
+        let finished = |ends: &Vec<u64>| ends.partition_point(|&end| end <= env_steps);
+        self.episode_ends
+            .iter()
+            .map(finished)
+            .min()
+            .map(|episodes| episodes as u32)
+    }
+
+    /// Environment steps of the team when every agent had finished its first, second … episode: `[episodes]`;
+    /// empty if unknown.
+    #[must_use]
+    pub fn steps_of_episodes(&self) -> Vec<u64> {
+        let episodes = self.episode_ends.iter().map(Vec::len).min().unwrap_or(0);
+        let last_of = |episode: usize| self.episode_ends.iter().map(|ends| ends[episode]).max();
+        (0..episodes).filter_map(last_of).collect()
+    }
+
+    /// The returns of this run, without those of episodes that ended after this number of environment steps of
+    /// the team; `None` if it is unknown when they ended.
+    #[must_use]
+    pub fn until(&self, env_steps: u64) -> Option<Self> {
+        let is_known = self
+            .episode_ends
+            .iter()
+            .map(Vec::len)
+            .eq(self.returns.iter().map(Vec::len));
+        is_known.then(|| {
+            let agents = self.returns.iter().zip(&self.episode_ends);
+            let until = |(returns, ends): (&Vec<f64>, &Vec<u64>)| {
+                returns[..ends.partition_point(|&end| end <= env_steps)].to_vec()
+            };
+            Self {
+                returns: agents.map(until).collect(),
+                rounding: self.rounding,
+                ..Self::default()
+            }
+        })
+    }
+
+    /// Whether the team has made this number of environment steps. The last episodes of a run are not finished,
+    /// and may have made as many steps as the longest episode took.
+    #[must_use]
+    pub fn reaches_step(&self, env_steps: u64) -> bool {
+        let longest = self.episode_ends.iter().flat_map(|ends| {
+            let begins = std::iter::once(&0).chain(ends);
+            ends.iter().zip(begins).map(|(end, begin)| end - begin)
+        });
+        self.env_steps + longest.max().unwrap_or(0) >= env_steps
     }
 
     /// Share of the episodes of all agents that have no regret; `None` if regrets are not known.
@@ -239,6 +307,8 @@ impl RunResult {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct MeasuredRun {
     result: RunResult,
+    /// See [`RunResult::episode_ends`], which is not stored with the result.
+    episode_ends: Vec<Vec<u64>>,
     reservoir: Reservoir,
 }
 
@@ -247,6 +317,7 @@ impl MeasuredRun {
     pub(crate) fn begin(trainer: &Trainer, run_seed: u64, windows: &[u32]) -> Self {
         Self {
             result: RunResult::begin(trainer),
+            episode_ends: Vec::new(),
             reservoir: Reservoir::new(run_seed, windows),
         }
     }
@@ -254,6 +325,7 @@ impl MeasuredRun {
     /// Adds a round that the trainer has just finished.
     pub(crate) fn add_round(&mut self, trainer: &Trainer, rows: &RoundRows) {
         self.result.add_round(trainer, rows);
+        self.result.end_episodes(&mut self.episode_ends);
         for episode in trainer.newest_episodes() {
             self.reservoir.add_episode(episode);
         }
@@ -263,6 +335,7 @@ impl MeasuredRun {
     pub(crate) fn finish(self) -> RunResult {
         RunResult {
             states: self.reservoir.into_samples(),
+            episode_ends: self.episode_ends,
             ..self.result
         }
     }

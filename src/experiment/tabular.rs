@@ -201,6 +201,7 @@ impl TabularMeasures {
         Self {
             result: RunResult {
                 returns: vec![Vec::new(); agents],
+                episode_ends: vec![Vec::new(); agents],
                 regrets: vec![Vec::new(); agents],
                 ..RunResult::default()
             },
@@ -224,6 +225,7 @@ impl TabularMeasures {
             self.add_visit(step, step.to, team);
             let agent = step.agent as usize;
             self.result.add_return(agent, episode.r#return);
+            self.result.episode_ends[agent].push(team.steps());
             self.result.regrets[agent].push(episode.regret as f32);
         }
     }

@@ -9,7 +9,7 @@ use super::util::{
     command, files_below, run_command, send_signal, small_run, stderr, stdout, study_arguments,
     wait_until,
 };
-use crate::study::{change_stored_curves, run_study, stored_results, study_text, write_study};
+use crate::study::{change_stored_runs, run_study, stored_results, study_text, write_study};
 
 /// A study of long runs, of which none ends during a test.
 fn long_study_text() -> String {
@@ -320,7 +320,7 @@ fn conflicting_and_damaged_results_are_not_merged() {
     let source = folder.path().join("source");
     succeeds(&run_study(&study, &source, &[]));
     succeeds(&run_study(&study, &target, &["--index", "0"]));
-    change_stored_curves(&target, 1000);
+    change_stored_runs(&target, 1000);
     let before = stored_results(&target);
     let merge = || {
         run_study(

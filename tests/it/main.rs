@@ -16,6 +16,7 @@ mod event_files;
 mod external;
 #[cfg(target_os = "linux")]
 mod failing_calls;
+mod file_map;
 mod fuzz;
 mod generated;
 mod hostile_names;

@@ -39,6 +39,7 @@ fn solved_at(returns: &[&str], threshold: f64) -> Option<u32> {
     let csv = ResultsSource::Csv {
         files: pattern(),
         columns: Columns::default(),
+        values: Values::Returns,
     };
     let csv = read(folder.path(), csv, threshold);
     let rows: Vec<String> = returns.iter().map(|r| format!("{r},10,0.5\n")).collect();

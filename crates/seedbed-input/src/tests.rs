@@ -1,3 +1,5 @@
+//! Tests of reading files, and of the errors of wrong ones.
+
 use super::numbers::{Count, Fraction};
 use serde::Deserialize;
 

@@ -1,3 +1,5 @@
+//! Tests of names of other libraries.
+
 use super::*;
 
 const ALGORITHM_NAMES: [&str; 10] = [

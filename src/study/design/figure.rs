@@ -10,11 +10,14 @@ use seedbed_input::{Located, ValidationError};
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Figure {
-    /// One curve over episodes per cell, the mean over its runs, with 95 % bands.
+    /// One curve per cell, the mean over its runs, with 95 % bands.
     Curves {
         /// Title [default: generated].
         #[serde(default)]
         title: String,
+        /// What the curves are over.
+        #[serde(default)]
+        x: CurveAxis,
         /// Curve.
         #[serde(default)]
         of: Located<Curve>,
@@ -124,6 +127,31 @@ pub enum Figure {
     },
 }
 
+/// The horizontal axis of curves. At equal numbers of episodes, runs may have made different numbers of steps.
+/// Seconds are no axis: results do not depend on the speed of a machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+pub enum CurveAxis {
+    /// Episodes that each agent has finished.
+    #[default]
+    Episodes,
+    /// Environment steps of the team.
+    EnvSteps,
+    /// Gradient steps of all networks of the team.
+    GradientSteps,
+}
+
+impl CurveAxis {
+    /// The axis in words.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Episodes => "episodes of each agent",
+            Self::EnvSteps => "environment steps of the team",
+            Self::GradientSteps => "gradient steps of the team",
+        }
+    }
+}
+
 /// Episodes from the start of training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 pub enum EpisodeWindow {
@@ -168,6 +196,16 @@ impl Figure {
             | Self::Profiles { title, cells, .. }
             | Self::Scaling { title, cells, .. }
             | Self::Differences { title, cells, .. } => (title, cells),
+        }
+    }
+
+    /// What runs must have been counted in for this figure; `None` if it counts nothing.
+    #[must_use]
+    pub fn counted(&self) -> Option<CurveAxis> {
+        match self {
+            Self::Curves { x, .. } => Some(*x),
+            Self::Agents { .. } => Some(CurveAxis::Episodes),
+            _ => None,
         }
     }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::cell::{Cell, PlannedRun, missing_measure};
 use super::drafts::cells;
-use super::figure::Figure;
+use super::figure::{CurveAxis, Figure};
 use super::file::Study;
 use super::lock::Lock;
 use crate::study::external::{ExternalRuns, Problem};
@@ -200,20 +200,26 @@ fn check_figure_of_external_cells(
             name.error("results of others have no visited states; expected cells with a scenario")
         );
     }
-    let draws_episodes = matches!(figure, Figure::Curves { .. } | Figure::Agents { .. });
-    let of_means = cells.iter().find(|cell| {
+    for cell in cells.iter().filter(|cell| figure.shows(&cell.name)) {
         let unknown = cell.source.found().map(ExternalRuns::unknown);
-        figure.shows(&cell.name) && unknown.is_some_and(|unknown| unknown.episodes)
-    });
-    match of_means {
-        Some(cell) if draws_episodes => Err(figure.error(&study.measures,
-            format!(
-                "for the figure `{}`: cell `{}` has means over several episodes, so that episodes are not known; \
-                 expected `cells` without it",
-                figure.kind(),
-                cell.name
-            ),
-        )),
-        _ => Ok(()),
+        let reason = match (figure.counted(), unknown.unwrap_or_default()) {
+            (Some(CurveAxis::Episodes), unknown) if unknown.episodes => {
+                "has means over several episodes, so that episodes are not known"
+            }
+            (Some(CurveAxis::EnvSteps), unknown) if unknown.env_steps => {
+                "has no environment steps in its files"
+            }
+            (Some(CurveAxis::GradientSteps), unknown) if unknown.gradient_steps => {
+                "has no gradient steps in its files"
+            }
+            _ => continue,
+        };
+        let message = format!(
+            "for the figure `{}`: cell `{}` {reason}; expected `cells` without it",
+            figure.kind(),
+            cell.name
+        );
+        return Err(figure.error(&study.measures, message));
     }
+    Ok(())
 }

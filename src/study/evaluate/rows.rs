@@ -147,9 +147,7 @@ fn columns_of_run<'a>(
         env_steps: (!unknown.env_steps).then_some(run.env_steps),
         episodes_to_solve: finite_value(Measure::EpisodesToSolve),
         env_steps_to_solve: finite_value(Measure::EnvStepsToSolve),
-        final_return: finite_value(Measure::FinalReturn {
-            window: ranged_count(25),
-        }),
+        final_return: finite_value(Measure::final_return(ranged_count(25))),
         mean_return: finite_value(Measure::Mean { of: Curve::Return }),
         reach: finite_value(Measure::Reach),
         first_goal: finite_value(Measure::FirstGoal),

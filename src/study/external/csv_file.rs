@@ -6,39 +6,34 @@ use std::path::Path;
 use super::data_file::{Column, DataFile, Rows, incomplete_line_warning};
 use super::read_run::ReadRun;
 use super::run_data::{self, AgentEpisodes};
-use super::source::Columns;
+use super::source::{Columns, Values};
 use super::{Problem, Settings};
 use crate::scenario::Rounding;
 use seedbed_input::{InputError, Located};
 
-/// Reads the runs in the file at `path`, in the order of their first rows.
+/// Reads the runs in the file at `path`, in the order of their columns or first rows.
 pub(super) fn read(
     folder: &Path,
     path: &Path,
     columns: &Columns,
+    values: Values,
     settings: Settings,
 ) -> Result<Vec<ReadRun>, Problem> {
     let file = DataFile::read(folder, path)?;
     let (text, is_incomplete) = file.complete_lines();
-    let rows = Rows::new(&file, text, 0)?;
-    let columns = FoundColumns::find(columns, &rows, &file)?;
-    let runs = read_runs(rows, &columns)?;
-    if runs.is_empty() {
-        return Err(file
-            .error("expected at least one episode, found none")
-            .into());
-    }
-    let mut read_runs = Vec::with_capacity(runs.len());
-    for (label, mut agents) in runs {
-        if columns.length.is_some() {
-            run_data::team_steps(&mut agents);
+    let tables = FoundColumns::find(columns, values, &Rows::new(&file, text, 0)?, &file)?;
+    let mut read_runs = Vec::new();
+    for columns in tables {
+        for (label, agents) in read_runs_of(Rows::new(&file, text, 0)?, &columns, &file)? {
+            let result =
+                run_data::result(agents, settings.solved, settings.limits, Rounding::Double);
+            let run = ReadRun::new(folder, path, vec![file.hash.clone()], result);
+            read_runs.push(match &columns.runs {
+                RunsOf::File => run,
+                RunsOf::ColumnOfRuns { name, .. } => run.with_label(name, &label),
+                RunsOf::ColumnPerRun { run: name } => run.with_label("run", name),
+            });
         }
-        let result = run_data::result(agents, settings.solved, settings.limits, Rounding::Double);
-        let run = ReadRun::new(folder, path, vec![file.hash.clone()], result);
-        read_runs.push(match (&columns.run, label) {
-            (Some((_, name)), label) => run.with_label(name, &label),
-            (None, _) => run,
-        });
     }
     if let (true, Some(first)) = (is_incomplete, read_runs.first_mut()) {
         first.warnings.push(incomplete_line_warning(&file));
@@ -46,33 +41,87 @@ pub(super) fn read(
     Ok(read_runs)
 }
 
-/// The columns of a file.
+/// The columns of a file, or in a table with a column per run, those of one run.
 struct FoundColumns {
     r#return: Column,
     env_steps: Option<Column>,
     length: Option<Column>,
     episode: Option<Column>,
     agent: Option<Column>,
-    run: Option<(Column, String)>,
+    runs: RunsOf,
+    /// Whether rows without a return are left out.
+    may_be_empty: bool,
+}
+
+/// Which runs are in a table.
+enum RunsOf {
+    /// The file is one run.
+    File,
+    /// A column has the names of runs.
+    ColumnOfRuns { column: Column, name: String },
+    /// The returns are those of one run; other columns have those of others.
+    ColumnPerRun { run: String },
 }
 
 impl FoundColumns {
-    fn find(columns: &Columns, rows: &Rows<'_>, file: &DataFile) -> Result<Self, Problem> {
+    fn find(
+        columns: &Columns,
+        values: Values,
+        rows: &Rows<'_>,
+        file: &DataFile,
+    ) -> Result<Vec<Self>, Problem> {
         let find = |name: &Located<String>| -> Result<Column, Problem> {
             let what = format!("column of {}", file.path.display());
             let column = rows.find(name)?;
             Ok(column.ok_or_else(|| name.unknown_name(&what, rows.header()))?)
         };
         let find_optional = |name: &Option<Located<String>>| name.as_ref().map(find).transpose();
-        let run = find_optional(&columns.run)?;
-        Ok(Self {
-            r#return: find(&columns.r#return)?,
-            env_steps: find_optional(&columns.env_steps)?,
-            length: find_optional(&columns.length)?,
-            episode: find_optional(&columns.episode)?,
-            agent: find_optional(&columns.agent)?,
-            run: run.zip(columns.run.as_ref().map(|name| name.value().clone())),
-        })
+        let with_returns = |r#return: Column, runs: RunsOf| -> Result<Self, Problem> {
+            Ok(Self {
+                r#return,
+                env_steps: find_optional(&columns.env_steps)?,
+                length: find_optional(&columns.length)?,
+                episode: find_optional(&columns.episode)?,
+                agent: find_optional(&columns.agent)?,
+                may_be_empty: values == Values::Means
+                    || matches!(runs, RunsOf::ColumnPerRun { .. }),
+                runs,
+            })
+        };
+        let Some((before, after)) = columns.r#return.split_once('*') else {
+            let runs = match &columns.run {
+                Some(name) => RunsOf::ColumnOfRuns {
+                    column: find(name)?,
+                    name: name.value().clone(),
+                },
+                None => RunsOf::File,
+            };
+            return Ok(vec![with_returns(find(&columns.r#return)?, runs)?]);
+        };
+        let mut tables = Vec::new();
+        for name in rows.header() {
+            let rest = name.strip_prefix(before);
+            if let (Some(run), Some(column)) = (
+                rest.and_then(|rest| rest.strip_suffix(after)),
+                rows.find(name)?,
+            ) {
+                let run = run.to_owned();
+                tables.push(with_returns(column, RunsOf::ColumnPerRun { run })?);
+            }
+        }
+        if tables.is_empty() {
+            let what = format!("column of {}", file.path.display());
+            return Err(columns.r#return.unknown_name(&what, rows.header()).into());
+        }
+        Ok(tables)
+    }
+
+    /// The column with the names of runs.
+    fn column_of_runs(&self) -> Option<Column> {
+        match &self.runs {
+            RunsOf::ColumnOfRuns { column, .. } => Some(*column),
+            _ => None,
+        }
     }
 }
 
@@ -96,13 +145,28 @@ struct Places {
     newest: Option<([Vec<u8>; 2], usize)>,
 }
 
-fn read_runs(mut rows: Rows<'_>, columns: &FoundColumns) -> Result<Runs, InputError> {
+fn read_runs_of(
+    mut rows: Rows<'_>,
+    columns: &FoundColumns,
+    file: &DataFile,
+) -> Result<Runs, InputError> {
     let (mut runs, mut places) = (Runs::new(), Places::default());
     while rows.advance()? {
+        if columns.may_be_empty && rows.bytes(columns.r#return).is_empty() {
+            continue;
+        }
         let place = places.of_row(&rows, columns, &mut runs)?;
         check_episode(&rows, columns, place)?;
         let agent = &mut runs[place.run].1[place.agent];
         add_episode(agent, &rows, columns)?;
+    }
+    if runs.is_empty() {
+        return Err(file.error("expected at least one episode, found none"));
+    }
+    if columns.length.is_some() {
+        for (_, agents) in &mut runs {
+            run_data::team_steps(agents);
+        }
     }
     Ok(runs)
 }
@@ -116,7 +180,7 @@ impl Places {
         runs: &mut Runs,
     ) -> Result<&mut AgentPlace, InputError> {
         let name = |column: Option<Column>| column.map_or(Ok(&b""[..]), |column| rows.name(column));
-        let run = name(columns.run.as_ref().map(|(column, _)| *column))?;
+        let run = name(columns.column_of_runs())?;
         let agent = name(columns.agent)?;
         if let Some((names, index)) = &self.newest
             && names[0] == run

@@ -28,7 +28,7 @@ use self::pattern::matching_paths;
 pub use self::read_run::ExternalRun;
 use self::read_run::ReadRun;
 use self::run_data::Limits;
-use self::source::{ResultsSource, SolvedAt, Values};
+use self::source::{Columns, ResultsSource, SolvedAt, Values};
 use crate::experiment::measure::{Curve, Measure, Needs};
 use crate::experiment::run_result::RunResult;
 use seedbed_input::{InputError, Located, ValidationError};
@@ -363,13 +363,7 @@ impl ExternalRuns {
     pub fn unknown(&self) -> Unknown {
         let source = &self.spec.source;
         Unknown {
-            episodes: matches!(
-                source,
-                ResultsSource::TensorBoard {
-                    values: Values::Means,
-                    ..
-                }
-            ),
+            episodes: source.values() == Values::Means,
             env_steps: !has_env_steps(source),
             gradient_steps: !self
                 .runs
@@ -452,10 +446,10 @@ impl ExternalRuns {
                 "expected `solved: (return: …, window: …)` in the cell or the study",
             ));
         }
-        if measure == Measure::EnvStepsToSolve && unknown.env_steps {
+        if measure.counts_env_steps() && unknown.env_steps {
             return Some((
                 "its files have no environment steps",
-                "expected `env_steps` or `length` in `columns`, or `EpisodesToSolve`",
+                "expected `env_steps` or `length` in `columns`, or a measure that counts episodes",
             ));
         }
         if unknown.episodes && measure.counts_episodes() {
@@ -488,28 +482,42 @@ fn has_env_steps(source: &ResultsSource) -> bool {
     }
 }
 
-fn check_spec(spec: &ExternalSpec) -> Result<(), ValidationError> {
-    if let ResultsSource::Csv { columns, .. } = &spec.source
-        && let (Some(_), Some(length)) = (&columns.env_steps, &columns.length)
-    {
+fn check_columns(columns: &Columns, values: Values) -> Result<(), ValidationError> {
+    if let (Some(_), Some(length)) = (&columns.env_steps, &columns.length) {
         return Err(
             length.error("steps are in two columns; expected `env_steps` or `length`, not both")
         );
+    }
+    if let (Some(length), Values::Means) = (&columns.length, values) {
+        return Err(length.error(
+            "means over several episodes have no lengths of episodes; expected `env_steps`",
+        ));
+    }
+    match (columns.r#return.matches('*').count(), &columns.run) {
+        (0, _) | (1, None) => Ok(()),
+        (1, Some(run)) => Err(run.error(format!(
+            "each column that `{}` matches is a run; expected no column with names of runs",
+            columns.r#return.value()
+        ))),
+        _ => Err(columns
+            .r#return
+            .error("expected at most one `*`, for the part that differs between runs")),
+    }
+}
+
+fn check_spec(spec: &ExternalSpec) -> Result<(), ValidationError> {
+    if let ResultsSource::Csv {
+        columns, values, ..
+    } = &spec.source
+    {
+        check_columns(columns, *values)?;
     }
     if spec.max_steps.is_some() && !has_env_steps(&spec.source) {
         return Err(spec.source.pattern().error(
             "its files have no environment steps, which `max_steps` needs; expected `env_steps` or `length` in `columns`",
         ));
     }
-    if spec.max_episodes.is_some()
-        && matches!(
-            spec.source,
-            ResultsSource::TensorBoard {
-                values: Values::Means,
-                ..
-            }
-        )
-    {
+    if spec.max_episodes.is_some() && spec.source.values() == Values::Means {
         return Err(spec.source.pattern().error(
             "its values are means over several episodes, so that `max_episodes` cannot be counted; expected `max_steps`",
         ));
@@ -529,6 +537,8 @@ fn read(
         ResultsSource::TensorBoard { tag, .. } => {
             event_files::read(folder, path, tag, settings).map(|run| vec![run])
         }
-        ResultsSource::Csv { columns, .. } => csv_file::read(folder, path, columns, settings),
+        ResultsSource::Csv {
+            columns, values, ..
+        } => csv_file::read(folder, path, columns, *values, settings),
     }
 }

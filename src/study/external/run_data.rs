@@ -70,10 +70,22 @@ pub(super) fn result(
             env_steps: steps_at(&agents, episodes),
         }),
         env_steps,
+        episode_ends: known_ends(&agents),
         returns: agents.into_iter().map(|agent| agent.returns).collect(),
         rounding,
         curves: vec![Vec::new(); Curve::WITH_ROUND_VALUES.len()],
         ..RunResult::default()
+    }
+}
+
+/// When the episodes of each agent ended; empty if the steps of some are unknown.
+fn known_ends(agents: &[AgentEpisodes]) -> Vec<Vec<u64>> {
+    let is_known = |agent: &AgentEpisodes| agent.env_steps.len() == agent.returns.len();
+    let ends = agents.iter().map(|agent| agent.env_steps.clone());
+    if agents.iter().all(is_known) {
+        ends.collect()
+    } else {
+        Vec::new()
     }
 }
 

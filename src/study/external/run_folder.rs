@@ -307,6 +307,9 @@ impl Replay {
                 unmatched[row.agent as usize].push_back(row.r#return);
                 self.result.env_steps = row.env_steps;
             }
+            let mut ends = std::mem::take(&mut self.result.episode_ends);
+            self.result.end_episodes(&mut ends);
+            self.result.episode_ends = ends;
             while unmatched.iter().all(|returns| !returns.is_empty()) {
                 let returns: Vec<f64> = unmatched
                     .iter_mut()

@@ -28,13 +28,17 @@ pub enum ResultsSource {
         #[serde(default)]
         values: Values,
     },
-    /// CSV files with a header. A file is one run, unless `columns` names a column of the run.
+    /// CSV files with a header. A file is one run, unless `columns` names a column of the run, or one column for
+    /// each run.
     Csv {
         /// The files.
         files: Located<String>,
         /// Names of the columns.
         #[serde(default)]
         columns: Columns,
+        /// What a value is.
+        #[serde(default, skip_serializing_if = "Values::are_returns")]
+        values: Values,
     },
 }
 
@@ -45,15 +49,24 @@ pub enum Values {
     #[default]
     Returns,
     /// A mean over several episodes, such as `rollout/ep_rew_mean`. Such runs have no number of
-    /// episodes.
+    /// episodes. Rows without a value are left out.
     Means,
+}
+
+impl Values {
+    // Serde passes a reference.
+    #[expect(clippy::trivially_copy_pass_by_ref)]
+    fn are_returns(&self) -> bool {
+        *self == Self::Returns
+    }
 }
 
 /// Names of the columns of a CSV file. Rows are episodes, in the order in which they ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Columns {
-    /// Return of the episode.
+    /// Return of the episode. With `*` for any text, such as in `* - charts/episodic_return` of a table exported
+    /// from Weights & Biases, each matching column is one run, and rows without a value are of other runs.
     pub r#return: Located<String>,
     /// Environment steps of the team up to the end of the episode.
     pub env_steps: Option<Located<String>>,
@@ -108,6 +121,15 @@ fn default_window() -> Count {
 }
 
 impl ResultsSource {
+    /// What a value is.
+    #[must_use]
+    pub fn values(&self) -> Values {
+        match self {
+            Self::TensorBoard { values, .. } | Self::Csv { values, .. } => *values,
+            Self::Runs(_) | Self::Monitor(_) => Values::Returns,
+        }
+    }
+
     /// The pattern of paths.
     #[must_use]
     pub fn pattern(&self) -> &Located<String> {

@@ -205,7 +205,7 @@ pub(super) fn note_about_early_ends(results: &Results, measure: Measure) -> Stri
     if measure == Measure::Solved {
         return note_about_unsolved_runs(results);
     }
-    let Some(episode) = measure.needed_episode() else {
+    let Some(moment) = measure.needed_moment() else {
         return String::new();
     };
     let cells = results.cells.iter().filter_map(|cell| {
@@ -223,7 +223,7 @@ pub(super) fn note_about_early_ends(results: &Results, measure: Measure) -> Stri
         return String::new();
     }
     format!(
-        "Unknown of runs that ended before episode {episode}, which are left out here and in comparisons: {}. With \
+        "Unknown of runs that ended before {moment}, which are left out here and in comparisons: {}. With \
          `held: true`, they keep their last value.",
         cells.join("; ")
     )

@@ -5,6 +5,7 @@
 
 use std::collections::HashMap;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh64::xxh64;
 
@@ -13,13 +14,17 @@ use crate::experiment::run_result::RunResult;
 use crate::provenance::{self, BuildId};
 use crate::scenario::Rounding;
 
-/// Number of the layout of files with runs of seedbed. Files of layouts that are not listed here are
-/// not read.
-const LAYOUT: u32 = 5;
+/// Number of the layout of files with runs of seedbed, whose contents are followed by the
+/// [ends of episodes](RunResult::episode_ends). Files of layouts that are not listed here are not read.
+const LAYOUT: u32 = 7;
 
 /// Number of the layout of files with results of others: the contents have no returns, which follow
-/// as [`ReturnsOfOthers`].
-const LAYOUT_OF_OTHERS: u32 = 6;
+/// as [`ReturnsOfOthers`] before the ends of episodes.
+const LAYOUT_OF_OTHERS: u32 = 8;
+
+/// Numbers of the same layouts in earlier versions, without ends of episodes.
+const FORMER_LAYOUT: u32 = 5;
+const FORMER_LAYOUT_OF_OTHERS: u32 = 6;
 
 /// Number of bytes of the checksum at the end of a file.
 const CHECKSUM_BYTES: usize = 8;
@@ -98,6 +103,11 @@ impl StoredRun {
         };
         let mut bytes = encode(&file);
         bytes.extend(returns_of_others.iter().flat_map(encode));
+        bytes.extend(
+            self.outcome
+                .iter()
+                .flat_map(|run| encode(&run.episode_ends)),
+        );
         let checksum = xxh64(&bytes, 0);
         bytes.extend(checksum.to_le_bytes());
         bytes
@@ -109,15 +119,23 @@ impl StoredRun {
         if xxh64(contents, 0) != u64::from_le_bytes(*checksum) {
             return None;
         }
-        let (file, rest): (ResultFile, &[u8]) = postcard::take_from_bytes(contents).ok()?;
+        let (file, mut rest): (ResultFile, &[u8]) = postcard::take_from_bytes(contents).ok()?;
         let mut outcome = file.outcome;
-        match (file.layout, &mut outcome) {
-            (LAYOUT, _) => {}
-            (LAYOUT_OF_OTHERS, Ok(run)) => {
-                let others: ReturnsOfOthers = postcard::from_bytes(rest).ok()?;
+        if let Ok(run) = &mut outcome {
+            if matches!(file.layout, LAYOUT_OF_OTHERS | FORMER_LAYOUT_OF_OTHERS) {
+                let others: ReturnsOfOthers = take(&mut rest)?;
                 (run.returns, run.rounding) = (others.returns, others.rounding);
             }
-            _ => return None,
+            if matches!(file.layout, LAYOUT | LAYOUT_OF_OTHERS) {
+                run.episode_ends = take(&mut rest)?;
+            }
+        }
+        let is_known = matches!(
+            file.layout,
+            LAYOUT | LAYOUT_OF_OTHERS | FORMER_LAYOUT | FORMER_LAYOUT_OF_OTHERS
+        );
+        if !is_known || !rest.is_empty() {
+            return None;
         }
         if let Ok(run) = &mut outcome {
             run.curves = values_in_curve_order(&file.curves, std::mem::take(&mut run.curves));
@@ -137,7 +155,7 @@ impl StoredRun {
     pub fn is_reproduced_by(&self, outcome: &Result<RunResult, String>) -> bool {
         // Compare bytes instead of numbers, because NaN does not equal itself.
         let bytes = |outcome: &Result<RunResult, String>| encode(&split(outcome.clone()));
-        bytes(&self.outcome) == bytes(outcome)
+        bytes(&self.outcome) == bytes(outcome) && same_ends(&self.outcome, outcome)
     }
 
     /// Whether another result of the same run is bit-identical. Visited states are compared for those
@@ -178,6 +196,22 @@ fn split(
         })
     });
     (outcome, returns)
+}
+
+/// Whether episodes ended at the same steps, as far as both results know it.
+fn same_ends(one: &Result<RunResult, String>, other: &Result<RunResult, String>) -> bool {
+    let (Ok(one), Ok(other)) = (one, other) else {
+        return true;
+    };
+    let (one, other) = (&one.episode_ends, &other.episode_ends);
+    one.is_empty() || other.is_empty() || one == other
+}
+
+/// Decodes a value at the beginning of `bytes`, and goes on behind it.
+fn take<T: DeserializeOwned>(bytes: &mut &[u8]) -> Option<T> {
+    let (value, rest) = postcard::take_from_bytes(bytes).ok()?;
+    *bytes = rest;
+    Some(value)
 }
 
 fn encode(data: &impl Serialize) -> Vec<u8> {

@@ -187,10 +187,10 @@ impl Score {
             (Some(_), _) => Self::NotReached(horizon),
             (None, Some(value)) if value.is_finite() => Self::Value(value),
             (None, Some(value)) => Self::Failed(format!("its measure is {value}")),
-            (None, None) => Self::Failed(match measure.needed_episode() {
-                Some(episode) => format!(
-                    "it ended before episode {episode}; expected `held: true` in the measure"
-                ),
+            (None, None) => Self::Failed(match measure.needed_moment() {
+                Some(moment) => {
+                    format!("it ended before {moment}; expected `held: true` in the measure")
+                }
                 None => "it does not have the measure".to_owned(),
             }),
         }

@@ -120,6 +120,79 @@ fn values_may_be_means_over_episodes() {
     );
 }
 
+/// The rows of Stable-Baselines3's `progress.csv` before the first episode has ended have no mean.
+#[test]
+fn a_table_of_means_may_begin_without_values() {
+    let fixture = Fixture::new(
+        r#"Study(
+            title: "Progress",
+            solved: (return: 30, window: 1),
+            cells: [(name: "SB3", results: Csv(files: "sb3/*/progress.csv",
+                columns: (return: "rollout/ep_rew_mean", env_steps: "time/total_timesteps"), values: Means))],
+            measures: [EnvStepsToSolve, Last(of: Return), At(of: Return, steps: 5000)],
+            figures: [Curves(x: EnvSteps)],
+        )"#,
+    );
+    fixture.write(
+        "sb3/a/progress.csv",
+        "rollout/ep_rew_mean,time/total_timesteps\n,2048\n21.5,4096\n33.0,6144\n",
+    );
+    fixture.succeed(&[]);
+    let row = &fixture.rows()[0];
+    let columns = [
+        "episodes",
+        "env_steps",
+        "env_steps_to_solve",
+        "Last(of:Return)",
+        "At(of:Return,steps:5000)",
+    ];
+    assert_eq!(
+        values(row, &columns),
+        ["", "6144", "6144.0", "33.0", "21.5"]
+    );
+    assert!(fixture.path("out/figures/1-curves.svg").is_file());
+}
+
+/// A chart of Weights & Biases, in which rows have values of one run each.
+const CHART: &str = r#""Step","ppo-1 - charts/episodic_return","ppo-1 - charts/episodic_return__MIN","ppo-1 - charts/episodic_return__MAX","ppo-2 - charts/episodic_return","ppo-2 - charts/episodic_return__MIN","ppo-2 - charts/episodic_return__MAX"
+"10","1","1","1","","",""
+"12","","","","5","5","5"
+"30","3","3","3","","",""
+"35","","","","8","8","8"
+"40","","","","9","9","9"
+"#;
+
+#[test]
+fn each_column_of_a_chart_is_a_run() {
+    let fixture = Fixture::new(
+        r#"Study(
+            title: "Chart",
+            cells: [(name: "PPO", results: Csv(files: "wandb.csv",
+                columns: (return: "* - charts/episodic_return", env_steps: "Step")))],
+            measures: [FinalReturn(window: 1), FinalReturn(window: 1, steps: 36)],
+        )"#,
+    );
+    fixture.write("wandb.csv", CHART);
+    fixture.succeed(&[]);
+    let columns = [
+        "run",
+        "episodes",
+        "env_steps",
+        "FinalReturn(window:1)",
+        "FinalReturn(window:1,steps:36)",
+    ];
+    let rows: Vec<String> = fixture
+        .rows()
+        .iter()
+        .map(|row| values(row, &columns).join("|"))
+        .collect();
+    let expected = [
+        "wandb.csv, run ppo-1|2|30|3.0|3.0",
+        "wandb.csv, run ppo-2|3|40|9.0|8.0",
+    ];
+    assert_eq!(rows, expected);
+}
+
 const EPISODES_OF_COPIES: &str = "agent,episode,round,env_steps,return,length,outcome,end_step
 0,0,0,1,1.0,1,terminated,1
 1,0,0,3,7.0,2,terminated,2

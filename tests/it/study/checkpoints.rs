@@ -303,7 +303,7 @@ fn damaged_and_foreign_checkpoints_are_not_used() {
         ),
         (
             seal_again(flipped(&bytes, VERSION)),
-            "is of format 7; this seedbed reads format 3",
+            "is of format 0; this seedbed reads format 4",
         ),
         // The first letter of the digest, after its length.
         (seal_again(flipped(&bytes, BUILD + 9)), "is of another run"),

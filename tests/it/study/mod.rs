@@ -80,15 +80,14 @@ fn result_files(out: &Path) -> Vec<PathBuf> {
     files_below(&out.join("runs"), "run")
 }
 
-/// Changes the sign of one value in the stored results of all runs with a run seed.
-pub(crate) fn change_stored_curves(out: &Path, run_seed: u64) {
+/// Changes one number in the stored results of all runs with a run seed.
+pub(crate) fn change_stored_runs(out: &Path, run_seed: u64) {
     let file_end = format!("-{run_seed}.run");
     for (name, bytes) in stored_results(out) {
         if name.ends_with(&file_end) {
             let mut contents = contents(&bytes).to_vec();
-            // The last byte is the number of windows of visited states, 0; the curves are before it.
-            let sign_byte = contents.len() - 2;
-            contents[sign_byte] ^= 0x80;
+            // The last byte is of the number of steps at which the last episode ended.
+            *contents.last_mut().unwrap() ^= 2;
             write_result_file(&out.join("runs").join(name), contents);
         }
     }

@@ -3,9 +3,7 @@
 use std::fs;
 use std::process::{Output, Stdio};
 
-use super::{
-    change_stored_curves, result_files, run_study, stored_results, study_text, write_study,
-};
+use super::{change_stored_runs, result_files, run_study, stored_results, study_text, write_study};
 #[cfg(unix)]
 use crate::util::interrupt;
 use crate::util::{command, crash, files_below, seedbed, stderr, stdout, wait_until};
@@ -130,7 +128,7 @@ fn verify_finds_runs_that_are_not_reproduced() {
          verified   small: 4 of 4 repeated runs are bit-identical (6 runs stored)\n"
     );
 
-    change_stored_curves(&out, 1001);
+    change_stored_runs(&out, 1001);
     let verified = run_study(&study, &out, &["verify", "--draw=7"]);
     let errors = stderr(&verified);
     assert_eq!(verified.status.code(), Some(1), "{errors}");
@@ -165,7 +163,7 @@ fn runs_to_verify_are_drawn_at_random() {
         draw.split(':').next().unwrap().to_owned()
     };
     assert_ne!(number(), number());
-    change_stored_curves(&out, 1001);
+    change_stored_runs(&out, 1001);
     let differing = |draw: usize| {
         let draw = format!("--draw={draw}");
         let verified = run_study(&study, &out, &["verify", "--runs=1", &draw]);

@@ -161,7 +161,7 @@ impl PublishedRuns {
         };
         let measures = self.study.measures().into_iter();
         let of_an_episode: HashSet<String> = measures
-            .filter(|measure| measure.needed_episode().is_some())
+            .filter(|measure| measure.needed_moment().is_some())
             .map(column)
             .collect();
         self.columns.iter().all(|(name, place)| {

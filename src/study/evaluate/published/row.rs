@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::str::FromStr;
 
-use crate::experiment::measure::{Curve, Measure};
+use crate::experiment::measure::{Curve, Measure, Moment};
 use crate::study::evaluate::results::CellResults;
 use crate::study::evaluate::score::RunCost;
 use crate::study::evaluate::score::RunScore;
@@ -252,11 +252,20 @@ impl Row<'_> {
 
     /// Whether the run ended before the episode of a measure; `None` if its episodes are unknown.
     fn ended_before(&self, measure: Measure) -> Result<Option<bool>, String> {
-        let Some(needed) = measure.needed_episode() else {
-            return Ok(Some(false));
-        };
-        let episodes: Option<u64> = self.value("episodes")?;
-        Ok(episodes.map(|episodes| episodes < u64::from(needed)))
+        match measure.needed_moment() {
+            None => Ok(Some(false)),
+            Some(Moment::Episode(needed)) => {
+                let episodes: Option<u64> = self.value("episodes")?;
+                Ok(episodes.map(|episodes| episodes < u64::from(needed)))
+            }
+            // The last episodes may have been begun before the step and not finished: see `RunResult::reaches_step`.
+            Some(Moment::EnvSteps(needed)) => {
+                let env_steps: Option<u64> = self.value("env_steps")?;
+                Ok(env_steps
+                    .filter(|env_steps| *env_steps >= u64::from(needed))
+                    .map(|_| false))
+            }
+        }
     }
 }
 
@@ -268,12 +277,7 @@ fn same_in_all_studies() -> [(&'static str, Measure); 9] {
     [
         ("episodes_to_solve", Measure::EpisodesToSolve),
         ("env_steps_to_solve", Measure::EnvStepsToSolve),
-        (
-            "final_return",
-            Measure::FinalReturn {
-                window: ranged_count(25),
-            },
-        ),
+        ("final_return", Measure::final_return(ranged_count(25))),
         ("mean_return", Measure::Mean { of: Curve::Return }),
         ("reach", Measure::Reach),
         ("first_goal", Measure::FirstGoal),
