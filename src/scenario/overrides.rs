@@ -179,7 +179,7 @@ mod tests {
                 "Normal(sigma: 0))",
                 "unexpected text after the end of the value",
             ),
-            ("", "unexpected end of RON"),
+            ("", "expected a value"),
         ] {
             let expected =
                 format!("expected one value, such as 16 or Normal(sigma: 0.1): {reason}");

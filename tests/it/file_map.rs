@@ -30,6 +30,9 @@ const FOLDERS: [(&str, &str); 16] = [
     ("xtask/src", "rs"),
 ];
 
+/// What a period does not end a sentence after.
+const ABBREVIATIONS: [&str; 4] = ["et al", "Alg", "Eq", "Fig"];
+
 /// The first sentence of a file's documentation; `None` if it has none.
 fn first_sentence(text: &str, extension: &str) -> Option<String> {
     if text.starts_with("#![doc = include_str!(\"../README.md\")]") {
@@ -46,8 +49,14 @@ fn first_sentence(text: &str, extension: &str) -> Option<String> {
     };
     let words: Vec<&str> = documentation.split_whitespace().collect();
     let sentence = words.join(" ");
-    let end = sentence.find(". ").unwrap_or(sentence.len());
-    let sentence = sentence[..end].trim_end_matches('.');
+    let is_end = |(place, _): &(usize, &str)| {
+        let before = &sentence[..*place];
+        !ABBREVIATIONS
+            .iter()
+            .any(|abbreviation| before.ends_with(abbreviation))
+    };
+    let end = sentence.match_indices(". ").find(is_end);
+    let sentence = sentence[..end.map_or(sentence.len(), |(place, _)| place)].trim_end_matches('.');
     // Links of the documentation lead nowhere here.
     let without_links = sentence.replace("[`", "`").replace("`]", "`");
     (!sentence.is_empty()).then(|| match without_links.find("`(") {
@@ -104,6 +113,7 @@ fn the_list_of_files_is_current() {
 fn the_first_sentence_is_found_in_each_language() {
     let rust = "//! Speeds of [`Body`](crate::Body),\n//! in m/s. And more.\n//!\n//! Details.\n";
     let python = "\"\"\"Speeds of bodies,\nin m/s.\n\nDetails.\"\"\"\n";
+    let paper = "//! Speeds (Newton et al. 1687, Eq. 2), and why. More.\n";
     let script = "\"use strict\";\n/* Speeds. More. */\n";
     assert_eq!(
         first_sentence(rust, "rs").unwrap(),
@@ -114,5 +124,9 @@ fn the_first_sentence_is_found_in_each_language() {
         "Speeds of bodies, in m/s"
     );
     assert_eq!(first_sentence(script, "js").unwrap(), "Speeds");
+    assert_eq!(
+        first_sentence(paper, "rs").unwrap(),
+        "Speeds (Newton et al. 1687, Eq. 2), and why"
+    );
     assert_eq!(first_sentence("fn main() {}\n", "rs"), None);
 }

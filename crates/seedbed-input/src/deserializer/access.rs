@@ -232,6 +232,17 @@ impl<'de> VariantAccess<'de> for Variant<'_> {
     }
 
     fn newtype_variant_seed<S: DeserializeSeed<'de>>(self, seed: S) -> Result<S::Value, Failure> {
+        if self.is_in_quotes() {
+            let without_fields = Node {
+                place: self.reader.node.place.clone(),
+                value: Value::Record {
+                    name: None,
+                    fields: Vec::new(),
+                },
+            };
+            let is_value = self.reader.of(&without_fields).read(seed).is_ok();
+            return Err(self.in_quotes(if is_value { "()" } else { "(…)" }));
+        }
         let inside = self.inside()?;
         let value = inside.read(seed);
         let value = value.and_then(|value| inside.check_end().map(|()| value));
@@ -253,12 +264,8 @@ impl<'de> VariantAccess<'de> for Variant<'_> {
     ) -> Result<V::Value, Failure> {
         if self.is_in_quotes() {
             let empty = Fields::new(self.reader, &[]);
-            let parentheses = if visitor.visit_map(empty).is_ok() {
-                "()"
-            } else {
-                "(…)"
-            };
-            return Err(self.in_quotes(parentheses));
+            let is_value = visitor.visit_map(empty).is_ok();
+            return Err(self.in_quotes(if is_value { "()" } else { "(…)" }));
         }
         let value = self
             .inside()?

@@ -378,8 +378,12 @@ impl<'de> Deserializer<'de> for Reader<'_> {
         }
     }
 
+    /// Values of no type: no type has to hold a number.
     fn deserialize_ignored_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
-        self.deserialize_any(visitor)
+        match &self.node.value {
+            Value::Number(token) if numbers::whole(token).is_some() => visitor.visit_unit(),
+            _ => self.deserialize_any(visitor),
+        }
     }
 
     fn deserialize_bytes<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Failure> {
