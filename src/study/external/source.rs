@@ -54,8 +54,10 @@ pub enum Values {
 }
 
 impl Values {
-    // Serde passes a reference.
-    #[expect(clippy::trivially_copy_pass_by_ref)]
+    #[expect(
+        clippy::trivially_copy_pass_by_ref,
+        reason = "Serde passes a reference"
+    )]
     fn are_returns(&self) -> bool {
         *self == Self::Returns
     }
