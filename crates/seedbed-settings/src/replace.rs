@@ -1,4 +1,4 @@
-//! Replaces values in RON texts.
+//! Replaces values in RON texts by their paths, as `--set` does.
 
 use super::tree::{Malformed, Node, Tree};
 

@@ -1,4 +1,4 @@
-//! Marks of runs that a process executes: small files beside the results, which `--list` reads.
+//! Marks of runs that a process executes: small files beside the results, which `study list` reads; they exclude nobody.
 //!
 //! Results never depend on marks, and a mark never keeps a run from being executed. Marks use no locks,
 //! which some file systems of clusters do not have: a mark whose process is gone, or whose heartbeat has
