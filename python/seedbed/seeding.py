@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-MAX_SEED = 2**64 - 1
-
 
 def checked_seed(seed: Any) -> int:
     """The seed as an integer.
@@ -17,13 +15,7 @@ def checked_seed(seed: Any) -> int:
         TypeError: It is no integer.
         ValueError: It is negative, or has more than 64 bits.
     """
-    try:
-        number = operator.index(seed)
-    except TypeError:
-        raise TypeError(f"seed is {seed!r}, expected an integer from 0 to 2**64 - 1") from None
-    if not 0 <= number <= MAX_SEED:
-        raise ValueError(f"seed is {number}, expected 0 to 2**64 - 1")
-    return number
+    return _unsigned("seed", seed, 64, "an integer from 0 to 2**64 - 1")
 
 
 def checked_round(number: Any) -> int:
@@ -33,13 +25,17 @@ def checked_round(number: Any) -> int:
         TypeError: It is no integer.
         ValueError: It is negative, or has more than 32 bits.
     """
+    return _unsigned('options["round"]', number, 32, "an integer")
+
+
+def _unsigned(name: str, value: Any, bits: int, integer: str) -> int:
     try:
-        checked = operator.index(number)
+        number = operator.index(value)
     except TypeError:
-        raise TypeError(f'options["round"] is {number!r}, expected an integer') from None
-    if not 0 <= checked < 2**32:
-        raise ValueError(f'options["round"] is {checked}, expected 0 to 2**32 - 1')
-    return checked
+        raise TypeError(f"{name} is {value!r}, expected {integer}") from None
+    if not 0 <= number < 2**bits:
+        raise ValueError(f"{name} is {number}, expected 0 to 2**{bits} - 1")
+    return number
 
 
 def random_seed() -> int:

@@ -100,7 +100,7 @@ fn list() -> String {
     list
 }
 
-/// To write it anew: `UPDATE_EXPECT=1 cargo test --test it file_map`.
+/// After a change of a first sentence: `UPDATE_EXPECT=1 cargo test --test it file_map`.
 #[test]
 fn the_list_of_files_is_current() {
     let path = Path::new(REPOSITORY).join("ARCHITECTURE.md");
