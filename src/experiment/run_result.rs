@@ -187,7 +187,7 @@ impl RunResult {
             let begins = std::iter::once(&0).chain(ends);
             ends.iter().zip(begins).map(|(end, begin)| end - begin)
         });
-        self.env_steps + longest.max().unwrap_or(0) >= env_steps
+        self.env_steps.saturating_add(longest.max().unwrap_or(0)) >= env_steps
     }
 
     /// Share of the episodes of all agents that have no regret; `None` if regrets are not known.

@@ -177,11 +177,12 @@ impl<'a, 'f, E: Send> SharedQueue<'a, 'f, E> {
         {
             // At the end, the other threads get their share.
             let share = (self.length() + 1).div_ceil(jobs);
-            let source = &first.0.cell.source;
+            let (source, digest) = (&first.0.cell.source, first.0.cell.digest());
+            let control = RunControl { digest, ..control };
             let mut queue = CellQueue {
                 shared: self,
                 on_outcome,
-                digest: first.0.cell.digest(),
+                digest,
                 first: Some(first.clone()),
                 unfinished: Vec::new(),
             };

@@ -1,6 +1,6 @@
 //! Runs of a scenario, which are made here.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use super::RunSource;
 use crate::experiment::measure::Measure;
@@ -12,24 +12,13 @@ use seedbed_env::Quantity;
 #[derive(Clone, Debug)]
 pub struct ScenarioRuns {
     experiment: Arc<dyn Experiment>,
-    digest: OnceLock<String>,
 }
 
 impl ScenarioRuns {
     /// Runs of this experiment.
     #[must_use]
     pub fn new(experiment: Arc<dyn Experiment>) -> Self {
-        Self {
-            digest: OnceLock::new(),
-            experiment,
-        }
-    }
-
-    fn control<'a>(&'a self, control: RunControl<'a>) -> RunControl<'a> {
-        RunControl {
-            digest: self.digest.get_or_init(|| self.experiment.digest()),
-            ..control
-        }
+        Self { experiment }
     }
 }
 
@@ -51,8 +40,7 @@ impl RunSource for ScenarioRuns {
     }
 
     fn digest(&self) -> String {
-        let digest = self.digest.get_or_init(|| self.experiment.digest());
-        digest.clone()
+        self.experiment.digest()
     }
 
     fn measure_obstacle(&self, measure: Measure) -> Option<(&'static str, &'static str)> {
@@ -77,7 +65,6 @@ impl RunSource for ScenarioRuns {
         windows: &[u32],
         control: RunControl<'_>,
     ) -> Result<Option<RunResult>, String> {
-        let control = self.control(control);
         let result = self
             .experiment
             .measure_once(run_seed, StopRule::Scenario, windows, control);
@@ -93,7 +80,6 @@ impl RunSource for ScenarioRuns {
     }
 
     fn measure_together(&self, places: usize, queue: &mut dyn RunQueue, control: RunControl<'_>) {
-        let control = self.control(control);
         self.experiment
             .measure_together(places, StopRule::Scenario, queue, control);
     }

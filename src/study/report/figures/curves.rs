@@ -225,13 +225,12 @@ fn positions(run: &RunResult, of: Curve, x: CurveAxis) -> Option<Vec<f64>> {
         }
         CurveAxis::GradientSteps => {
             let rounds = run.episodes_of_curve(Curve::GradientSteps);
-            let steps = run.curve(Curve::GradientSteps);
-            let after = |episodes: u32| {
-                steps[..rounds.partition_point(|round| *round <= episodes)]
-                    .iter()
-                    .sum()
-            };
-            (!steps.is_empty()).then(|| episodes.into_iter().map(after).collect())
+            let mut sums = vec![0.0];
+            for steps in run.curve(Curve::GradientSteps) {
+                sums.push(sums[sums.len() - 1] + steps);
+            }
+            let after = |episodes: u32| sums[rounds.partition_point(|round| *round <= episodes)];
+            (sums.len() > 1).then(|| episodes.into_iter().map(after).collect())
         }
     }
 }
