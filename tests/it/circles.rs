@@ -37,12 +37,12 @@ fn modules_of_a_folder_use_each_other_in_one_direction() {
     assert_eq!(found, BTreeSet::from(KNOWN_CIRCLES));
 }
 
-/// `src` and the folders `src` of all crates.
+/// `src`, `python/src` and the folders `src` of all crates.
 fn source_folders() -> Vec<String> {
     let crates = fs::read_dir(Path::new(REPOSITORY).join("crates")).unwrap();
     let names = crates.map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let mut folders: Vec<String> = names.map(|name| format!("crates/{name}/src")).collect();
-    folders.push("src".to_owned());
+    folders.extend(["src", "python/src"].map(str::to_owned));
     folders
 }
 

@@ -19,10 +19,10 @@ use seedbed_scene::outline::terrain_lines;
 
 use super::actions::ActionReader;
 use super::description::{Task, task_error};
-use super::group::{Autoreset, Group, Phase, Rows};
+use super::group::{Group, Phase, Rows};
 use super::options::{
-    MAX_COPIES, MAX_THREADS, autoreset_name, checked_count, default_threads, parse_autoreset,
-    parse_physics, physics_name, with_time_limit,
+    Autoreset, MAX_COPIES, MAX_THREADS, autoreset_name, checked_count, default_threads,
+    parse_autoreset, parse_physics, physics_name, with_time_limit,
 };
 use super::picture;
 use super::start::{NamedNumbers, given_start, named_start};

@@ -3,19 +3,8 @@
 use seedbed_env::{Environment, GivenStart, Physics, PhysicsWarning, Pose, Status};
 use seedbed_random::{Purpose, Stream, stream};
 
-use super::options::physics_name;
+use super::options::{Autoreset, physics_name};
 use super::state::CopyState;
-
-/// When a copy whose episode has ended is reset: the modes of Gymnasium's vector environments.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Autoreset {
-    /// In the next step, which ignores the action of the copy.
-    NextStep,
-    /// At the end of the same step.
-    SameStep,
-    /// Never. A copy whose episode has ended does not move.
-    Disabled,
-}
 
 /// Consecutive copies of a task.
 pub(super) struct Group {

@@ -14,6 +14,5 @@ mod threads;
 pub(crate) use batch::Batch;
 pub(crate) use builtin::builtin_tasks;
 pub(crate) use description::{Action, Quantity, Task, TaskError};
-pub(crate) use group::Autoreset;
-pub(crate) use options::{MAX_THREADS, checked_count, parse_autoreset};
+pub(crate) use options::{Autoreset, MAX_THREADS, checked_count, parse_autoreset};
 pub(crate) use threads::Threads;

@@ -7,7 +7,16 @@ use pyo3::prelude::*;
 use seedbed_env::description::BodyTask;
 use seedbed_env::{Physics, TaskDescription};
 
-use super::group::Autoreset;
+/// When a copy whose episode has ended is reset: the modes of Gymnasium's vector environments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Autoreset {
+    /// In the next step, which ignores the action of the copy.
+    NextStep,
+    /// At the end of the same step.
+    SameStep,
+    /// Never. A copy whose episode has ended does not move.
+    Disabled,
+}
 
 /// Maximum numbers of copies and of threads of a batch.
 pub(super) const MAX_COPIES: usize = 1 << 20;

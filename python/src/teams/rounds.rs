@@ -1,5 +1,5 @@
-//! The rounds of a team whose environments are stepped elsewhere: each step is an action of every
-//! playing agent, and then its result.
+//! The rounds of a team whose environments are stepped elsewhere, what the team counts and saves, and what it
+//! tells of its learning. Each step is an action of every playing agent, and then its result.
 
 use std::fmt::Display;
 

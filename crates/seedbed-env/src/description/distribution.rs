@@ -1,4 +1,4 @@
-//! Distributions of start coordinates.
+//! Distributions of start coordinates and of numbers that are drawn for a run.
 
 use rand::RngExt;
 use rand_distr::{Distribution as _, Normal};

@@ -15,7 +15,7 @@ use serde::Deserialize;
 use distributions::{CategoricalCase, GaussianCase, SquashedGaussianCase};
 use networks::{HiddenLayerCase, NetworkCase};
 use optimizers::{AdamCase, PopArtCase};
-use policies::{PolicyCase, PolicyLossCase};
+use policies::PolicyLossCase;
 use soft_actor_critic::{SoftCriticCase, SoftPolicyCase};
 use values::{ActionValueCase, IndexedValueCase, ValueCase};
 
@@ -34,7 +34,6 @@ struct Reference {
     categorical: Vec<CategoricalCase>,
     gaussian: Vec<GaussianCase>,
     policy_losses: Vec<PolicyLossCase>,
-    policies: Vec<PolicyCase>,
     values: Vec<ValueCase>,
     action_values: Vec<ActionValueCase>,
     indexed_values: Vec<IndexedValueCase>,
