@@ -51,6 +51,13 @@ def asynchronous(name: str, copies: int, seconds: float) -> float:
 
 
 def workbench(program: str, name: str, copies: int, workers: int, episodes: int) -> float:
+    """Without the time in which workers start."""
+    few, many = (run(program, name, copies, workers, count) for count in (2, episodes))
+    return (many[0] - few[0]) / (many[1] - few[1])
+
+
+def run(program: str, name: str, copies: int, workers: int, episodes: int) -> tuple[int, float]:
+    """Environment steps and seconds of a run."""
     scenario = (
         f'Scenario(environment: Gymnasium(id: "{name}", workers: {workers}, probe_steps: 1000), agents: (count: {copies}), '
         f"algorithm: Random, stop: Episodes({episodes}))"
@@ -61,7 +68,8 @@ def workbench(program: str, name: str, copies: int, workers: int, episodes: int)
         command = [program, "run", path, "--no-recording", "--out", f"{folder}/run", "--threads", str(workers)]
         environment = {**os.environ, "SEEDBED_PYTHON": sys.executable}
         result = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
-    return float(re.search(r"\((\d+) per second\)", result.stdout)[1])
+    steps, seconds = re.search(r"(\d+) env steps in ([0-9.]+) s", result.stdout).groups()
+    return int(steps), float(seconds)
 
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -76,8 +84,7 @@ arguments = parser.parse_args()
 name, copies = arguments.environment, arguments.copies
 mean_length = 22 if name.startswith("CartPole") else 1000
 rate = loop(name, 0.5)
-# The workers' start is part of the time, so that a measurement takes several seconds.
-episodes = max(2, round(4 * arguments.seconds * rate / copies / mean_length))
+episodes = max(4, round(4 * arguments.seconds * rate / copies / mean_length))
 methods = {"loop of Python": lambda: loop(name, arguments.seconds)}
 methods[f"AsyncVectorEnv, {copies} copies"] = lambda: asynchronous(name, copies, arguments.seconds)
 for workers in arguments.workers:

@@ -30,6 +30,7 @@ import operator
 import os
 import platform
 import re
+import select
 import signal
 import socket
 import struct
@@ -55,6 +56,10 @@ HEADER = struct.Struct("<Ic")
 TWO_NUMBERS = struct.Struct("<II")
 OWN_FILE = (lambda: None).__code__.co_filename
 PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux
+
+AWAKE_SECONDS = 50e-6
+# Where all cores are busy, the program goes on.
+yield_processor = getattr(os, "sched_yield", lambda: None)
 
 MAX_NUMBERS = 10_000  # of an observation
 MAX_PICTURE_NUMBERS = 100
@@ -870,6 +875,8 @@ class Stream:
         self.connection = connection
         self.buffer = bytearray(1 << 16)
         self.begin = self.end = 0
+        self.poll = select.poll()
+        self.poll.register(connection, select.POLLIN)
 
     def receive(self) -> tuple[bytes, memoryview[int]] | None:
         """The tag and payload of the next frame, until the next call; None at the end of the stream."""
@@ -891,11 +898,19 @@ class Stream:
             self.buffer[: len(rest)] = rest
             self.begin, self.end = 0, len(rest)
         while self.end - self.begin < count:
+            self.wait_awake()
             received = self.connection.recv_into(memoryview(self.buffer)[self.end :])
             if received == 0:
                 return False
             self.end += received
         return True
+
+
+    def wait_awake(self) -> None:
+        """Waits for data, but not for long: a process that sleeps may need as long to wake up as a short step takes."""
+        deadline = time.perf_counter() + AWAKE_SECONDS
+        while not self.poll.poll(0) and time.perf_counter() < deadline:
+            yield_processor()
 
 
 def frame(tag: bytes, payload: bytes) -> bytes:

@@ -70,6 +70,16 @@ class TestBits:
         call(program, "run", path, "--out", "part", "--resume")
         assert bits(lab / "part") == bits(lab / "whole")
 
+    def test_a_worker_answers_resets_of_many_copies(self, lab: Path, program: str) -> None:
+        """More than the program sends before it reads answers; agents play several episodes in a round."""
+        fields = {"agents": "(count: 70)", "stop": "Episodes(4)", "schedule": "Synchronous(episodes: 2)", "algorithm": "Random"}
+        path = scenario(lab, CARTPOLE, **fields)
+        call(program, "run", path, "--out", "one", "--no-recording")
+        call(program, "run", path, "--set", "environment.workers=3", "--out", "three", "--no-recording")
+        episodes = (lab / "one" / "episodes.csv").read_bytes()
+        assert episodes.count(b"\n") == 1 + 70 * 4
+        assert episodes == (lab / "three" / "episodes.csv").read_bytes()
+
     @pytest.mark.parametrize(
         "fields",
         [

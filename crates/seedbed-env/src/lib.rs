@@ -167,6 +167,16 @@ pub trait Environment: Send {
     /// Starts a new episode in `copy`, with a start state drawn from `random`.
     fn reset(&mut self, copy: usize, random: &mut Stream);
 
+    /// Begins a [`reset`](Self::reset), and may leave the rest to [`finish_resets`](Self::finish_resets), so that copies
+    /// in other processes are reset at the same time. Until then the copy has no observation. The default
+    /// is `reset`.
+    fn begin_reset(&mut self, copy: usize, random: &mut Stream) {
+        self.reset(copy, random);
+    }
+
+    /// Finishes all resets that were begun. The default does nothing.
+    fn finish_resets(&mut self) {}
+
     /// Names of the numbers that [`reset_at`](Self::reset_at) can be given. The default has none.
     fn start_names(&self) -> StartNames {
         StartNames::default()

@@ -128,16 +128,33 @@ impl AsyncRollout {
     }
 
     fn begin_episodes(&mut self, environment: &mut dyn Environment, config: &AsyncConfig<'_>) {
-        for (agent, agent_progress) in self.progress.iter_mut().enumerate() {
-            let is_free =
-                !self.slots.slots[agent].is_playing() && agent_progress.steps_until_learned == 0;
-            if is_free && agent_progress.started < config.episodes {
-                let slot = self
-                    .slots
-                    .renew(config.run_seed, agent, agent_progress.started);
-                slot.start(environment, agent_progress.started, 0, config.scene);
-                agent_progress.started += 1;
+        let mut resets = false;
+        for agent in 0..self.progress.len() {
+            if self.is_free(agent, config) {
+                let episode = self.progress[agent].started;
+                let slot = self.slots.renew(config.run_seed, agent, episode);
+                slot.begin_reset(environment);
+                resets = true;
             }
         }
+        if !resets {
+            return;
+        }
+        environment.finish_resets();
+        for agent in 0..self.progress.len() {
+            if self.is_free(agent, config) {
+                let started = &mut self.progress[agent].started;
+                self.slots.slots[agent].start(environment, *started, 0, config.scene);
+                *started += 1;
+            }
+        }
+    }
+
+    /// Whether an agent has learned from its latest episode, and has another one to play.
+    fn is_free(&self, agent: usize, config: &AsyncConfig<'_>) -> bool {
+        let progress = &self.progress[agent];
+        !self.slots.slots[agent].is_playing()
+            && progress.steps_until_learned == 0
+            && progress.started < config.episodes
     }
 }

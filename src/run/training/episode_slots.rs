@@ -195,15 +195,19 @@ impl EpisodeSlot {
         self.playing.is_some()
     }
 
-    /// Starts the agent's episode number `episode`.
+    /// Begins to reset the agent's copy of the environment.
+    pub(super) fn begin_reset(&mut self, environment: &mut dyn Environment) {
+        environment.begin_reset(self.copy, &mut self.resets);
+    }
+
+    /// Starts the agent's episode number `episode`, after the reset is finished.
     pub(super) fn start(
         &mut self,
-        environment: &mut dyn Environment,
+        environment: &dyn Environment,
         episode: u32,
         round: u32,
         scene: Option<&SceneSettings>,
     ) {
-        environment.reset(self.copy, &mut self.resets);
         let mut started = Episode::start(self.agent, episode, round, environment.spec());
         let observation = self.observation(environment);
         started.observations.extend_from_slice(observation);

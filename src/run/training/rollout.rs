@@ -232,7 +232,10 @@ impl<'a> GroupRound<'a> {
             unreported_steps: 0,
         };
         round.agents.resize_with(count, AgentRound::default);
-        (0..count).for_each(|index| round.start_episode(index, environment));
+        for slot in &mut round.slots.slots {
+            slot.begin_reset(environment);
+        }
+        round.start_episodes(environment);
         round
     }
 
@@ -254,32 +257,45 @@ impl<'a> GroupRound<'a> {
     /// Adds the result of the latest step to all episodes. With `is_reported`, the team will get the
     /// transitions.
     pub(super) fn observe(&mut self, environment: &mut dyn Environment, is_reported: bool) {
-        (0..self.agents.len()).for_each(|index| self.observe_agent(index, environment));
+        let mut resets = false;
+        for index in 0..self.agents.len() {
+            resets |= self.observe_agent(index, environment);
+        }
+        if resets {
+            self.start_episodes(environment);
+        }
         self.unreported_steps += u32::from(is_reported);
     }
 
-    /// Starts the next episode of an agent.
-    fn start_episode(&mut self, index: usize, environment: &mut dyn Environment) {
+    /// Starts the next episode of all agents whose reset has begun.
+    fn start_episodes(&mut self, environment: &mut dyn Environment) {
+        environment.finish_resets();
         let plan = self.plan;
-        let episode = plan
-            .first_episode
-            .wrapping_add(self.agents[index].finished.len() as u32);
-        self.slots.slots[index].start(environment, episode, plan.round, plan.scene);
+        for (slot, agent) in self.slots.slots.iter_mut().zip(&self.agents) {
+            let played = agent.finished.len() as u32;
+            if !slot.is_playing() && played < plan.episodes {
+                let episode = plan.first_episode.wrapping_add(played);
+                slot.start(environment, episode, plan.round, plan.scene);
+            }
+        }
     }
 
-    /// Adds the result of the latest step to an agent's episode. If it has ended, the next begins.
-    fn observe_agent(&mut self, index: usize, environment: &mut dyn Environment) {
+    /// Adds the result of the latest step to an agent's episode. If it has ended and is followed by another one, begins
+    /// the reset and returns true.
+    fn observe_agent(&mut self, index: usize, environment: &mut dyn Environment) -> bool {
         let slot = &mut self.slots.slots[index];
         let Some(episode) = slot.observe(environment) else {
-            return;
+            return false;
         };
         self.details.extend(slot.details.take());
         self.warnings.extend(slot.warning.take());
         let finished = &mut self.agents[index].finished;
         finished.push(episode);
-        if finished.len() < self.plan.episodes as usize {
-            self.start_episode(index, environment);
+        let continues = finished.len() < self.plan.episodes as usize;
+        if continues {
+            slot.begin_reset(environment);
         }
+        continues
     }
 
     /// Passes the next transition of each agent that has one to the team.

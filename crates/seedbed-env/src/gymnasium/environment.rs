@@ -40,6 +40,8 @@ struct WorkerCopies {
     copies: Range<usize>,
     /// Whether it has been sent actions and has not answered.
     is_stepping: bool,
+    /// The copies whose reset it has been sent and not answered, in this order.
+    resetting: Vec<usize>,
 }
 
 /// What the present episode of a copy follows from: its seed and the actions so far.
@@ -59,6 +61,10 @@ struct SavedCopy {
     /// The observation that the episode must lead to.
     observation: Vec<f32>,
 }
+
+/// Maximum number of resets that a worker has not answered. What the program and the worker send each other
+/// meanwhile must fit into the memory of their sockets: both would wait for ever.
+const MAX_RESETTING: usize = 32;
 
 /// Number of copies whose step is described if it is not known which of a worker's failed.
 const MAX_NAMED_COPIES: usize = 4;
@@ -136,32 +142,63 @@ impl GymnasiumEnvironment {
 
     /// Begins an episode with a seed.
     pub(super) fn begin(&mut self, copy: usize, seed: u32) {
+        self.send_reset(copy, seed);
+        self.finish_resets();
+    }
+
+    /// Sends the reset of a copy to its worker.
+    fn send_reset(&mut self, copy: usize, seed: u32) {
         self.start_workers();
-        let (width, info_width) = (
-            self.task.spec.observation_width(),
-            self.task.spec.info.len(),
-        );
         let index = worker_of(&self.workers, copy);
-        let WorkerCopies { worker, copies, .. } = &mut self.workers[index];
+        if self.workers[index].resetting.len() >= MAX_RESETTING {
+            self.receive_resets(index);
+        }
+        let WorkerCopies {
+            worker,
+            copies,
+            resetting,
+            ..
+        } = &mut self.workers[index];
         let (first, own) = (copies.start, (copy - copies.start) as u32);
         let frame = worker.begin(Request::Reset);
         frame.extend_from_slice(&own.to_le_bytes());
         frame.extend_from_slice(&seed.to_le_bytes());
-        let answered = worker.send().and_then(|()| worker.receive(answer::START));
-        let row = &mut self.observations[copy * width..][..width];
-        let info = &mut self.info[copy * info_width..][..info_width];
-        match answered {
-            Ok(payload) => {
-                read_floats(payload, row);
-                read_floats(&payload[(4 * width).min(payload.len())..], info);
-            }
-            Err(error) => self.fail(&error, first, &format!("reset(seed={seed})")),
+        resetting.push(copy);
+        if let Err(error) = worker.send() {
+            self.fail(&error, first, &format!("reset(seed={seed})"));
         }
         self.rewards[copy] = 0.0;
         self.statuses[copy] = Status::Running;
         let episode = &mut self.episodes[copy];
         (episode.seed, episode.steps) = (seed, 0);
         episode.actions.clear();
+    }
+
+    /// Reads what a worker answers to all resets that it has been sent.
+    fn receive_resets(&mut self, index: usize) {
+        let (width, info_width) = (
+            self.task.spec.observation_width(),
+            self.task.spec.info.len(),
+        );
+        let mut resetting = std::mem::take(&mut self.workers[index].resetting);
+        for &copy in &resetting {
+            let WorkerCopies { worker, copies, .. } = &mut self.workers[index];
+            let first = copies.start;
+            match worker.receive(answer::START) {
+                Ok(payload) => {
+                    let row = &mut self.observations[copy * width..][..width];
+                    let info = &mut self.info[copy * info_width..][..info_width];
+                    read_floats(payload, row);
+                    read_floats(&payload[(4 * width).min(payload.len())..], info);
+                }
+                Err(error) => {
+                    let seed = self.episodes[copy].seed;
+                    self.fail(&error, first, &format!("reset(seed={seed})"));
+                }
+            }
+        }
+        resetting.clear();
+        self.workers[index].resetting = resetting;
     }
 
     /// Keeps the actions, within the ranges of their components.
@@ -185,6 +222,7 @@ impl GymnasiumEnvironment {
             worker,
             copies,
             is_stepping,
+            ..
         } = &mut self.workers[index];
         let statuses = &self.statuses[copies.clone()];
         *is_stepping = statuses.contains(&Status::Running);
@@ -218,6 +256,7 @@ impl GymnasiumEnvironment {
             worker,
             copies,
             is_stepping,
+            ..
         } = &mut self.workers[index];
         if !*is_stepping {
             return;
@@ -326,6 +365,7 @@ fn start_together(
             worker: Worker::begin_start(&configuration)?,
             copies,
             is_stepping: false,
+            resetting: Vec::new(),
         });
     }
     for WorkerCopies { worker, .. } in &mut started {
@@ -376,6 +416,17 @@ impl Environment for GymnasiumEnvironment {
     fn reset(&mut self, copy: usize, random: &mut Stream) {
         let seed = random.random();
         self.begin(copy, seed);
+    }
+
+    fn begin_reset(&mut self, copy: usize, random: &mut Stream) {
+        let seed = random.random();
+        self.send_reset(copy, seed);
+    }
+
+    fn finish_resets(&mut self) {
+        for index in 0..self.workers.len() {
+            self.receive_resets(index);
+        }
     }
 
     fn step(&mut self, actions: &[f32]) {

@@ -5,7 +5,8 @@ use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -37,6 +38,13 @@ exec(compile(_read(int.from_bytes(_read(4), 'little')), 'seedbed/worker.py', 'ex
 
 /// How often a waiting program looks whether it was interrupted.
 const POLL: Duration = Duration::from_millis(50);
+
+/// How long a thread looks for an answer without sleeping, if there is a core for it: a thread that sleeps may need as
+/// long to wake up as a short step takes.
+const SPIN: Duration = Duration::from_millis(1);
+
+/// Number of workers of this process.
+static RUNNING: AtomicUsize = AtomicUsize::new(0);
 
 /// How long importing and making may take at least.
 const START_TIMEOUT: Duration = Duration::from_mins(5);
@@ -117,6 +125,7 @@ impl Worker {
             .stderr(Stdio::piped())
             .spawn()
             .map_err(failed)?;
+        RUNNING.fetch_add(1, Ordering::Relaxed);
         let output = Arc::default();
         if let Some(stream) = child.stderr.take() {
             let kept = Arc::clone(&output);
@@ -202,7 +211,8 @@ impl Worker {
     /// Reads a frame into the buffer.
     fn receive_frame(&mut self, expected: u8, deadline: Instant) -> Result<(), WorkerError> {
         let mut header = [0; HEADER];
-        self.read_exact(&mut header, deadline)?;
+        let read = self.read_soon(&mut header);
+        self.read_exact(&mut header[read..], deadline)?;
         let [a, b, c, d, tag] = header;
         let length = u32::from_le_bytes([a, b, c, d]) as usize;
         if length > MAX_PAYLOAD || !(tag == expected || tag == answer::ERROR) {
@@ -219,6 +229,22 @@ impl Worker {
             return Err(python_error(&self.buffer));
         }
         Ok(())
+    }
+
+    /// Reads what comes without sleeping for long. Returns the number of bytes.
+    fn read_soon(&mut self, bytes: &mut [u8]) -> usize {
+        let start = Instant::now();
+        let mut read = 0;
+        if !has_cores_to_spare() || self.socket.set_nonblocking(true).is_err() {
+            return 0;
+        }
+        while read == 0 && start.elapsed() < SPIN {
+            read = self.socket.read(bytes).unwrap_or(0);
+            thread::yield_now();
+        }
+        // If this fails, reading fails with the same error.
+        let _ = self.socket.set_nonblocking(false);
+        read
     }
 
     fn read_exact(&mut self, bytes: &mut [u8], deadline: Instant) -> Result<(), WorkerError> {
@@ -288,6 +314,7 @@ impl Worker {
 
 impl Drop for Worker {
     fn drop(&mut self) {
+        RUNNING.fetch_sub(1, Ordering::Relaxed);
         // The worker closes its environments when the stream ends.
         let _ = self.socket.shutdown(std::net::Shutdown::Both);
         if self.wait_for_end().is_none() {
@@ -295,6 +322,13 @@ impl Drop for Worker {
             let _ = self.child.wait();
         }
     }
+}
+
+/// Whether there is a core for each worker and for the thread that waits for it.
+fn has_cores_to_spare() -> bool {
+    static CORES: LazyLock<usize> =
+        LazyLock::new(|| thread::available_parallelism().map_or(1, usize::from));
+    2 * RUNNING.load(Ordering::Relaxed) <= *CORES
 }
 
 fn python_error(payload: &[u8]) -> WorkerError {
