@@ -18,6 +18,7 @@ pub mod export;
 pub mod figures;
 pub mod film;
 pub mod input_files;
+pub mod open_loop;
 pub mod plotting;
 pub mod provenance;
 pub mod record;

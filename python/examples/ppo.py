@@ -4,7 +4,8 @@
     python ppo.py --env-id seedbed:seedbed/Acrobot-v0
 
 It has the structure of CleanRL's single-file PPO: `gymnasium.make`, Gymnasium's wrappers and `SyncVectorEnv`,
-so that only the name of the environment differs from a script for Gymnasium's own tasks. Needs `torch`.
+so that only the name of the environment differs from a script for Gymnasium's own tasks.
+Needs `torch`, and seedbed: docs/python.md says how it is installed.
 """
 
 from __future__ import annotations

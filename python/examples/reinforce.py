@@ -1,10 +1,9 @@
 """REINFORCE in NumPy: K agents learn to balance a pole in K copies of the task, which are stepped together.
 
-    pip install seedbed
     python reinforce.py                        # records recordings/reinforce
     seedbed inspect recordings/reinforce
 
-docs/own_algorithm_in_python.md explains it.
+docs/own_algorithm_in_python.md explains it; docs/python.md says how seedbed is installed.
 """
 
 import argparse

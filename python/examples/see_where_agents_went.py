@@ -1,8 +1,10 @@
 """Four agents of Stable-Baselines3 learn to land, each in a process of its own; then you see where each of them went.
 
-    pip install seedbed stable-baselines3 "gymnasium[box2d]"
+    pip install stable-baselines3 "gymnasium[box2d]"
     python see_where_agents_went.py
     seedbed explore recordings/lander --open
+
+docs/python.md says how seedbed is installed.
 """
 
 import argparse

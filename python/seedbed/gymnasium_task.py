@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, fields
 from pathlib import Path
@@ -9,6 +11,10 @@ from typing import Any, Literal
 
 from . import functions
 from .ron import Expression, struct, with_lists
+
+
+ID = re.compile(r"[\w.\-/]+-v\d+|[\w.]+:[\w.\-/]+|.+\.py:\w+")
+"""Names that only environments of Gymnasium have: with a version, of a module or of a file of Python."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -71,7 +77,10 @@ class Gymnasium:
             TypeError: A setting has another type, or the function cannot be pickled.
         """
         if isinstance(self.id, str):
-            id = self.id
+            file, colon, function = self.id.rpartition(":")
+            # Relative to the working directory, not to the file that the text is written to.
+            is_file = folder is not None and file.endswith(".py")
+            id = f"{os.path.abspath(file)}{colon}{function}" if is_file else self.id
         elif folder is None:
             raise TypeError(f"the environment {self.name} is a function, which has no text: write it into a file, such as id='file.py:{self.name}'")
         elif callable(self.id):

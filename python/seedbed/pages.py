@@ -90,7 +90,8 @@ def _viewer_files() -> tuple[str, Path]:
     """The text of the viewer's script, and its WebAssembly file."""
     # Without importing it, which starts widgets of notebooks.
     spec = importlib.util.find_spec("rerun_notebook")
-    needed = f"a page with the viewer needs rerun-notebook {VIEWER_VERSION}: `pip install 'seedbed[html]'`"
+    install = f"pip install rerun-notebook=={VIEWER_VERSION}"
+    needed = f"a page with the viewer needs rerun-notebook {VIEWER_VERSION}: `{install}`"
     if spec is None or not spec.submodule_search_locations:
         raise ImportError(needed)
     version = importlib.metadata.version("rerun-notebook")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -125,6 +126,7 @@ class Policy:
 
     def __init__(self, path: str | os.PathLike[str], agent: int = 0, model: int | None = None) -> None:
         file = _File(Path(path))
+        self._samples: np.random.Generator | None = None
         self.metadata = file.metadata
         self.algorithm, self.task = file.text("algorithm"), file.text("task")
         if "outputs" not in file.metadata:
@@ -181,6 +183,26 @@ class Policy:
                 raise ValueError("greedy=False needs rng, such as np.random.default_rng(0)")
             chosen = [self._sample(head, outputs, rng, temperature) for head in self.heads]
         return _as_action(self.heads, chosen)
+
+    def predict(
+        self, observation: ArrayLike, state: Any = None, episode_start: Any = None, deterministic: bool = False
+    ) -> tuple[Any, Any]:
+        """Choose actions as a model of Stable-Baselines3, so that its `evaluate_policy` takes this policy.
+
+        Args:
+            observation: One observation `[width]`, or a batch `[N, width]`.
+            state: Returned as it is: the policy has no memory.
+            episode_start: Not used.
+            deterministic: As `greedy` of calls. Samples are those of a generator of this policy, seeded with 0.
+
+        Returns:
+            Actions, as of calls, and `state`.
+        """
+        if not deterministic and self._samples is None:
+            self._samples = np.random.default_rng(0)
+        # Action values are no probabilities.
+        greedy = deterministic or any(head.kind == "action_values" for head in self.heads)
+        return self(observation, greedy=greedy, rng=self._samples), state
 
     def probabilities(self, observations: ArrayLike, *, temperature: float | None = None) -> Any:
         """Probabilities of the values of discrete actions.
@@ -251,6 +273,10 @@ class Policy:
 
     def scaled(self, observations: ArrayLike) -> Array:
         """Observations as inputs of the networks: `[..., width]` to `[..., width]`."""
+        if isinstance(observations, Mapping):
+            raise ValueError(
+                "observations are a Dict, expected numbers: flatten them with gymnasium.wrappers.FlattenObservation"
+            )
         x = np.asarray(observations, dtype=np.float64)
         if x.ndim not in (1, 2) or x.shape[-1] != len(self.observations):
             names = ", ".join(self.observations[:8]) + (", …" if len(self.observations) > 8 else "")

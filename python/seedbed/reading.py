@@ -356,7 +356,7 @@ class Run:
     def to_html(self, path: str | os.PathLike[str]) -> Path:
         """Write the recording and the viewer into one page, which needs nothing but a browser.
 
-        It has about 22 MB more than the recording. Needs `pip install 'seedbed[html]'`.
+        It has about 22 MB more than the recording. Needs `pip install rerun-notebook==0.36.3`.
 
         Args:
             path: The page.

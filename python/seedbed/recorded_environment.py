@@ -4,11 +4,54 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Mapping, Sequence
-from typing import Any
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal
+
+import gymnasium
 
 from .recorded_axes import check_text
 from .state_files import Axis, Header
+
+
+RECORDERS = {"environment": "RecordVisitation", "vector": "RecordVisitationVector", "VecEnv": "RecordVecEnv"}
+"""The recorder of each kind of environment."""
+
+
+def check_kind(env: Any, expected: Literal["environment", "vector", "VecEnv"]) -> None:
+    """Raises: TypeError: The environment is of another kind; the message names the recorder of that kind."""
+    if isinstance(env, gymnasium.vector.VectorEnv):
+        found = "vector"
+    elif isinstance(env, gymnasium.Env):
+        found = "environment"
+    else:
+        found = "VecEnv" if hasattr(env, "step_wait") else ""
+    if found != expected:
+        help = f": record it with {RECORDERS[found]}" if found else ""
+        raise TypeError(f"{RECORDERS[expected]} cannot record a {type(env).__name__}{help}")
+
+
+def warn_of_normalization(env: Any) -> None:
+    """Warns if the recorder is outside of a wrapper that normalizes rewards or observations."""
+    for part in _parts(env):
+        name = type(part).__name__
+        changed = {
+            "rewards": name == "NormalizeReward" or (name == "VecNormalize" and part.norm_reward),
+            "observations": name == "NormalizeObservation" or (name == "VecNormalize" and part.norm_obs),
+        }
+        if any(changed.values()):
+            what = " and ".join(each for each, is_changed in changed.items() if is_changed)
+            message = f"{what} are recorded as {name} changes them: put the recorder inside of {name}"
+            warnings.warn(message, RuntimeWarning, stacklevel=3)
+
+
+def _parts(env: Any) -> Iterator[Any]:
+    """An environment, and those that it wraps: of several copies, the first."""
+    while env is not None:
+        yield env
+        inner = vars(env) if hasattr(env, "__dict__") else {}
+        copies = inner.get("envs") or [None]
+        env = inner.get("venv") or inner.get("env") or copies[0]
 
 
 def header_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
@@ -11,6 +12,10 @@ from numpy.typing import NDArray
 
 Features: TypeAlias = "Callable[[Any, dict[str, Any]], Sequence[float] | NDArray[Any]] | Sequence[str]"
 """A function of an observation and its `info` that returns numbers, or names of entries of `info`."""
+
+
+STATES_BEFORE_WARNING = 50
+"""Some entries are there at the end of an episode only."""
 
 
 def feature_names(features: Features, names: Sequence[str] | None) -> Sequence[str]:
@@ -36,8 +41,31 @@ def feature_function(features: Features | None) -> Callable[[Any, Any], Any] | N
     does not have, as after a reset, is NaN."""
     if features is None or callable(features):
         return features
-    entries = tuple(features)
-    return lambda _, info: [info.get(entry, math.nan) for entry in entries]
+    return _Entries(features)
+
+
+class _Entries:
+    """Entries of `info`. Warns of those that none of the first states has: their names may be misspelled."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._missing = set(names)
+        self._others: set[str] = set()
+        self._states_left = STATES_BEFORE_WARNING
+
+    def __call__(self, _: Any, info: Any) -> list[Any]:
+        if self._missing and self._states_left > 0:
+            self._watch(info)
+        return [info.get(name, math.nan) for name in self._names]
+
+    def _watch(self, info: Any) -> None:
+        self._missing -= set(info)
+        self._others |= set(info)
+        self._states_left -= 1
+        if self._missing and self._states_left == 0:
+            missing, others = (", ".join(sorted(map(str, names))) for names in (self._missing, self._others))
+            message = f"info had no {missing} in the first {STATES_BEFORE_WARNING} states, only {others or 'nothing'}: they are recorded as NaN"
+            warnings.warn(message, RuntimeWarning, stacklevel=2)
 
 
 def features_of_copies(features: Callable[[Any, Any], Any], observations: Any, infos: Any, copies: int) -> NDArray[Any]:

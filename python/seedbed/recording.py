@@ -26,6 +26,7 @@ from .recorded_actions import action_numbers, batch_action_numbers
 from .recorded_axes import Ranges, action_axes, observation_axes
 from .recorded_environment import (
     agent_numbers,
+    check_kind,
     has_wrapper,
     header_of,
     headers_of,
@@ -33,6 +34,7 @@ from .recorded_environment import (
     name_of,
     spec_of,
     task_of,
+    warn_of_normalization,
 )
 from .recorded_features import Features, feature_function
 from .state_files import RecordingError
@@ -117,6 +119,8 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         resume: bool = False,
         keep_unfinished: bool | None = None,
     ) -> None:
+        check_kind(env, "environment")
+        warn_of_normalization(env)
         super().__init__(env)
         task = task_of(env)
         observations = observation_axes(env.observation_space, task, names, units, ranges, features)
@@ -193,6 +197,8 @@ class RecordVisitationVector(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, 
         resume: bool = False,
         keep_unfinished: bool | None = None,
     ) -> None:
+        check_kind(env, "vector")
+        warn_of_normalization(env)
         super().__init__(env)
         mode = autoreset_mode or env.metadata.get("autoreset_mode")
         if mode is None:

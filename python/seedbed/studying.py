@@ -18,9 +18,9 @@ from typing import Any, TypeAlias
 from . import programs
 from .errors import RunError
 from .frames import Frames, choose, read_csv
-from .gymnasium_task import Gymnasium
+from .gymnasium_task import ID, Gymnasium
 from .notebooks import Figure, Page, Text, is_notebook, updated_output
-from .ron import Expression, struct
+from .ron import Expression, quoted, struct
 from .training import Environment, python_path_of, task_name, task_text
 
 File: TypeAlias = "str | os.PathLike[str]"
@@ -30,6 +30,9 @@ TEXTS = ("values", "labels")
 
 EXPRESSIONS = ("measures", "measure", "direction", "goal", "figures", "results", "expected", "draw", "of")
 """Fields of studies and tuning files whose texts are words of the format, such as `Less` and `Curves()`: they get no quotes."""
+
+PATTERN = re.compile(r'"([^"]*)"')
+"""Files of results in a text such as `Runs("recordings/ppo/seed-*")`: the first text in quotes."""
 
 PROGRESS_LINE = re.compile(r"\d+/\d+ runs")
 
@@ -268,7 +271,7 @@ class Tuning(_Results):
 
 def _written(what: Environment | Mapping[str, Any], folder: Path, name: str = "study") -> File:
     """The file that is meant, which is written if it is none."""
-    if isinstance(what, str | os.PathLike):
+    if isinstance(what, str | os.PathLike) and not (isinstance(what, str) and ID.fullmatch(what)):
         return what
     if isinstance(what, Mapping):
         text, path = _document(what), folder / f"{name}.ron"
@@ -296,13 +299,19 @@ def _value(name: str, value: Any) -> Any:
         return Expression(struct("", {field: _value(field, each) for field, each in value.items()}))
     if isinstance(value, str):
         if name in EXPRESSIONS:
-            return Expression(value)
+            return Expression(PATTERN.sub(_absolute_pattern, value) if name == "results" else value)
         is_path = name == "scenario" and (value.endswith(".ron") or os.sep in value)
         return os.path.abspath(value) if is_path else value
     if isinstance(value, Sequence):
         values = [_value(name, each) for each in value]
         return tuple(values) if isinstance(value, tuple) else values
     return str(value) if name in TEXTS else value
+
+
+def _absolute_pattern(found: re.Match[str]) -> str:
+    """A path in quotes that begins in the working directory, as an absolute path; other texts as they are."""
+    is_path = os.sep in found[1] or "*" in found[1] or os.path.exists(found[1])
+    return quoted(os.path.abspath(found[1])) if is_path else found[0]
 
 
 def _run(arguments: Sequence[programs.Argument], folder: Path) -> str:

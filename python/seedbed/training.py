@@ -21,7 +21,7 @@ from typing import Any, Literal, TypeAlias
 from . import programs
 from .errors import InputError, RunError
 from .frames import Frames
-from .gymnasium_task import Gymnasium
+from .gymnasium_task import ID, Gymnasium
 from .progress import RunProgress, progress_here
 from .reading import Run
 from .ron import Expression, quoted, ron_text
@@ -106,7 +106,8 @@ def train(
     continues with the same bits.
 
     Args:
-        environment: Name of a task, path of a task file, a `Gymnasium`, or a function that returns an environment of
+        environment: Name of a task, path of a task file, id of an environment of Gymnasium, such as `"CartPole-v1"` or
+            `"file.py:function"`, a `Gymnasium`, or a function that returns an environment of
             Gymnasium. The function may be one of a notebook: worker processes get it pickled by value.
         scenario: A scenario, by name or path, in place of an environment: its environment, algorithm and other settings are the
             defaults of this call.
@@ -184,6 +185,8 @@ def task_name(environment: Environment) -> str:
     """
     if isinstance(environment, Gymnasium):
         return environment.name
+    if isinstance(environment, str) and ID.fullmatch(environment):
+        return Gymnasium(environment).name
     if isinstance(environment, str | os.PathLike):
         return Path(environment).name.removesuffix(".ron")
     if callable(environment):
@@ -201,7 +204,7 @@ def task_text(environment: Environment, folder: Path, resumed: Path | None = Non
         folder: Folder to which the file of a function is written.
         resumed: Folder of the run that is resumed.
     """
-    if isinstance(environment, str | os.PathLike):
+    if isinstance(environment, str | os.PathLike) and not (isinstance(environment, str) and ID.fullmatch(environment)):
         given = os.fspath(environment)
         # Relative to the working directory, not to the scenario.
         return quoted(os.path.abspath(given) if given.endswith(".ron") else given)

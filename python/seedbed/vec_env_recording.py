@@ -16,7 +16,7 @@ from .agent_files import AgentFiles
 from .batch_recorder import BatchRecorder
 from .recorded_actions import batch_action_numbers
 from .recorded_axes import Ranges, action_axes, observation_axes
-from .recorded_environment import agent_numbers, headers_of, learner_numbers, name_of
+from .recorded_environment import agent_numbers, check_kind, headers_of, learner_numbers, name_of, warn_of_normalization
 from .recorded_features import Features, feature_function
 from .recording import refuse_copies
 
@@ -56,6 +56,8 @@ class RecordVecEnv(VecEnvWrapper):
         resume: bool = False,
         keep_unfinished: bool | None = None,
     ) -> None:
+        check_kind(venv, "VecEnv")
+        warn_of_normalization(venv)
         super().__init__(venv)
         spec = _attribute(venv, "spec")
         numbers = agent_numbers(agents, venv.num_envs)

@@ -40,7 +40,8 @@ def command() -> str:
     if found is None:
         raise FileNotFoundError(
             f"this package was built without the program `seedbed`, and there is none on PATH: set {VARIABLE} to the "
-            "path of one, or install it with `cargo install --path .` in the directory of the repository"
+            "path of one, install it with `cargo install --path .` in the directory of the repository, or install the "
+            "wheel that `python/build_wheel` makes there, which has the program"
         )
     return found
 

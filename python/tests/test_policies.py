@@ -373,3 +373,13 @@ def test_damaged_files_are_errors(cartpole_run: Path, tmp_path: Path, damage: st
     change(run / "policies.safetensors")
     with pytest.raises(seedbed.RunError, match=r"policies\.safetensors: .*" + re.escape(message)):
         seedbed.load(run).policy(0)
+
+
+def test_predict_is_that_of_a_model_of_stable_baselines(run: seedbed.Run):
+    policy = run.policy(0)
+    observations = np.zeros((3, len(policy.observations)))
+    actions, state = policy.predict(observations, state=None, episode_start=np.ones(3), deterministic=True)
+    np.testing.assert_equal(actions, policy(observations))
+    assert state is None
+    with pytest.raises(ValueError, match="observations are a Dict, expected numbers: flatten them"):
+        policy.predict({"x": np.zeros(3)})

@@ -140,3 +140,28 @@ def test_a_function_with_other_numbers_than_names(tmp_path: Path):
     environment = seedbed.RecordVisitation(Walk(), tmp_path, features=lambda observation, info: [1.0, 2.0], names=["place"])
     with pytest.raises(ValueError, match=r"the result of features has the shape \(2,\), expected \(1,\) numbers"):
         environment.reset()
+
+
+def test_entries_that_no_state_has_are_warned_of(tmp_path: Path):
+    env = seedbed.RecordVisitation(Walk(), tmp_path, features=["steps", "placee"])
+    with pytest.warns(RuntimeWarning, match="info had no placee in the first 50 states, only place, steps: they are recorded as NaN"):
+        for _ in range(15):
+            env.reset()
+            for action in ACTIONS:
+                env.step(action)
+    with pytest.warns(RuntimeWarning, match="observations are NaN in some states: steps in 15, placee in 75"):
+        env.close()
+
+
+def test_recorders_name_the_right_recorder_of_other_environments(tmp_path: Path):
+    walk, walks = Walk(), SyncVectorEnv([Walk])
+    with pytest.raises(TypeError, match="RecordVisitation cannot record a SyncVectorEnv: record it with RecordVisitationVector"):
+        seedbed.RecordVisitation(walks, tmp_path)
+    with pytest.raises(TypeError, match="RecordVisitationVector cannot record a Walk: record it with RecordVisitation"):
+        seedbed.RecordVisitationVector(walk, tmp_path)
+
+
+def test_normalized_rewards_are_warned_of(tmp_path: Path):
+    normalized = gymnasium.wrappers.NormalizeReward(gymnasium.make("CartPole-v1"))
+    with pytest.warns(RuntimeWarning, match="rewards are recorded as NormalizeReward changes them: put the recorder inside"):
+        seedbed.RecordVisitation(normalized, tmp_path)

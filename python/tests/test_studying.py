@@ -127,3 +127,20 @@ class TestChecks:
         with pytest.raises(seedbed.InputError, match="names") as caught:
             seedbed.check(seedbed.Gymnasium("CartPole-v1", names=["x"], probe_steps=100))
         assert str(caught.value).startswith("CartPole-v1.ron:1:"), caught.value
+
+
+def test_results_of_others_begin_in_the_working_directory(tmp_path: Path):
+    for seed in range(5):
+        env = seedbed.RecordVisitation(gymnasium.make("CartPole-v1"), f"others/seed-{seed}")
+        env.reset(seed=seed)
+        env.action_space.seed(seed)
+        ended = 0
+        while ended < 6:
+            _, _, terminated, truncated, _ = env.step(env.action_space.sample())
+            if terminated or truncated:
+                ended += 1
+                env.reset()
+        env.close()
+    cells = [{"name": "random", "results": 'Runs("others/seed-*")'}]
+    found = seedbed.study({"title": "Others", "cells": cells, "repeats": 5, "measures": ["FinalReturn(window: 4)"]})
+    assert len(found.results) == 5

@@ -465,3 +465,13 @@ def test_the_protocol_of_the_program():
     done = subprocess.run([*line[:-1], "other"], input="", capture_output=True, text=True)
     assert done.returncode == 130 and "interrupted after 1 round; resume with" in done.stderr
     assert len(done.stdout.splitlines()) == 2
+
+
+def test_ids_of_gymnasium_are_environments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    by_id = seedbed.train("CartPole-v1", set=["stop=Episodes(3)"], progress=False)
+    as_task = seedbed.train(seedbed.Gymnasium("CartPole-v1"), set=["stop=Episodes(3)"], out="other", progress=False)
+    assert by_id.path.parts[-2] == "CartPole-v1"
+    assert (by_id.path / "episodes.csv").read_bytes() == (as_task.path / "episodes.csv").read_bytes()
+    (tmp_path / "mine.py").write_text("import gymnasium\n\ndef pole():\n    return gymnasium.make('CartPole-v1')\n")
+    assert "pole" in seedbed.check(seedbed.Gymnasium("mine.py:pole")) and "pole" in seedbed.check("mine.py:pole")

@@ -132,11 +132,13 @@ def write_study(out: Path) -> Path:
     cell = '        (name: "{0}", task: "{0}", results: Monitor("{0}/*.monitor.csv")),\n'
     folders = sorted(folder for folder in out.iterdir() if folder.is_dir())
     finished = [folder.name for folder in folders if any(folder.glob("*.monitor.csv"))]
-    file = out / "stable_baselines3.ron"
+    is_here = any(name in tasks() for name in finished)
+    file = out / ("stable_baselines3.ron" if is_here else "sb3_originals.ron")
+    where = "the known tasks" if is_here else "Gymnasium's originals"
     file.write_text(f"""// The episodes that `scenarios/known_tasks/sb3_ppo.py` has written.
 Study(
-    title: "PPO of Stable-Baselines3 in the known tasks",
-    about: "The settings of the scenarios in scenarios/known_tasks, as far as Stable-Baselines3 has them, and as many environment steps.",
+    title: "PPO of Stable-Baselines3 in {where}",
+    about: "The settings of the scenarios in scenarios/{'known_tasks' if is_here else 'gymnasium'}, as far as Stable-Baselines3 has them, and as many environment steps.",
     cells: [
 {"".join(cell.format(task) for task in finished)}    ],
     measures: [FinalReturn(window: 100)],

@@ -26,6 +26,7 @@ mod execution;
 mod explore;
 mod export;
 mod film;
+mod floor;
 mod former_names;
 mod inspect;
 mod interruption;
@@ -161,6 +162,8 @@ Existing files are never overwritten.")]
     },
     /// Record a few episodes of random actions in an environment
     Preview(PreviewArgs),
+    /// See how often random actions reach the goal of a task, before anything is trained
+    Floor(FloorArgs),
     /// Train scenarios with several run seeds and compare how fast they solve their task
     Bench(BenchArgs),
     /// Run every setting of a study file with many run seeds and judge its claims
@@ -332,6 +335,39 @@ struct PreviewArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
+  seedbed floor corridors_drawn --goal 1 --attempts 160    16 agents with 10 episodes each
+  seedbed floor mine.ron --goal 0.5 --runs 20 --csv floor.csv
+  seedbed floor gymnasium/envs/CartPole-v0.ron --goal 195
+
+Plays episodes whose actions do not depend on what is seen: uniform, white, pink and slower noise, and one action for the \
+whole episode. If one of them finds the goal about as often as an algorithm, the task does not show that the \
+algorithm explores.")]
+struct FloorArgs {
+    /// Name of an environment, or an environment file
+    #[arg(value_name = "ENV")]
+    environment: PathBuf,
+    /// Return of an episode at the goal [default: the task's reward threshold]
+    #[arg(long, value_name = "RETURN", allow_negative_numbers = true)]
+    goal: Option<f64>,
+    /// Number of episodes that a whole team plays: agents times episodes of each
+    #[arg(long, value_name = "N", num_args = 1.., value_delimiter = ',', default_values_t = [160], value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    attempts: Vec<u32>,
+    /// Number of run seeds, which draw what is hidden in the task
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    runs: u32,
+    /// Number of episodes for each run seed [default: the largest of the attempts, and 1000]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    episodes: Option<u32>,
+    /// First run seed
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Also write the numbers of each run to this file
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
   seedbed bench scenarios/cartpole_1.ron scenarios/cartpole.ron scenarios/cartpole_16.ron
   seedbed bench scenarios/cartpole.ron --seeds 5 --set 'agents.seeds=Normal(sigma: 0)'
 
@@ -496,6 +532,7 @@ pub(crate) fn main() -> ExitCode {
         }
         Command::Manual { folder } => completions::write_manual(&folder),
         Command::Preview(args) => preview::preview(&args),
+        Command::Floor(args) => floor::floor(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Study(args) => study::study(&args),

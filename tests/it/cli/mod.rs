@@ -8,6 +8,7 @@ mod evaluate;
 mod explore;
 mod export;
 mod film;
+mod floor;
 mod list;
 mod new;
 mod preview;

@@ -5,6 +5,7 @@
 
 pub mod advantage;
 pub mod categorical;
+pub mod correlated_noise;
 pub mod gaussian;
 pub mod index_conditioned;
 pub mod information_gain;

@@ -1,0 +1,150 @@
+//! `seedbed floor`.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::{CliError, FloorArgs};
+use seedbed::input_files::{self, Directory};
+use seedbed::open_loop::{self, OpenLoopError, OpenLoopNoise, OpenLoopPlan, OpenLoopRun};
+use seedbed::storage;
+use seedbed_env::TaskDescription;
+use seedbed_stats::aggregate::mean;
+use seedbed_stats::bootstrap::bootstrap_estimate;
+
+/// Number of episodes for each run seed, unless the attempts need more.
+const DEFAULT_EPISODES: u32 = 1000;
+
+pub(super) fn floor(args: &FloorArgs) -> Result<(), CliError> {
+    let path = input_files::find_argument(&args.environment, &[Directory::Environments])?;
+    let task = input_files::read_task(&path)?.0;
+    let plan = plan(args, &task)?;
+    say!(
+        "{}: {} run seeds, {} episodes each; at the goal: a return of at least {}\n",
+        task.spec().name,
+        plan.runs,
+        plan.episodes,
+        plan.goal
+    );
+    say!("{}", header(&args.attempts));
+    let mut table = csv_header(&args.attempts);
+    for noise in OpenLoopNoise::ALL {
+        let runs = open_loop::play(&task, noise, &plan).map_err(|error| match error {
+            OpenLoopError::Task(error) => CliError::from(error),
+            OpenLoopError::Environment(_) => CliError::Runtime(error.to_string()),
+        })?;
+        say!("{}", row(noise, &runs, &args.attempts));
+        add_csv_rows(&mut table, noise, &runs, plan.first_seed, &args.attempts);
+    }
+    say!(
+        "\nMeans over run seeds with 95 % intervals (bootstrap); the largest return of all episodes."
+    );
+    match &args.csv {
+        Some(path) => write_csv(path, &table),
+        None => Ok(()),
+    }
+}
+
+fn plan(args: &FloorArgs, task: &TaskDescription) -> Result<OpenLoopPlan, CliError> {
+    let threshold = task.spec().reward_threshold.map(f64::from);
+    let goal = args.goal.or(threshold).ok_or_else(|| {
+        CliError::Usage(format!(
+            "the task `{}` has no `reward_threshold`, which would say what reaches the goal: give a return with --goal",
+            task.spec().name
+        ))
+    })?;
+    if goal.is_nan() {
+        return Err(CliError::Usage("--goal: expected a number".to_owned()));
+    }
+    let attempts = args.attempts.iter().copied().max().unwrap_or(1);
+    let episodes = args.episodes.unwrap_or(attempts.max(DEFAULT_EPISODES));
+    if episodes < attempts {
+        return Err(CliError::Usage(format!(
+            "--episodes {episodes}: expected at least as many as --attempts, {attempts}"
+        )));
+    }
+    Ok(OpenLoopPlan {
+        first_seed: args.seed,
+        runs: args.runs,
+        episodes,
+        goal,
+    })
+}
+
+fn header(attempts: &[u32]) -> String {
+    let mut columns = "| noise | episodes at the goal |".to_owned();
+    for count in attempts {
+        let _ = write!(columns, " goal found in {count} episodes |");
+    }
+    columns += " mean return | largest return |";
+    let rules = "|---".repeat(4 + attempts.len());
+    format!("{columns}\n{rules}|")
+}
+
+fn row(noise: OpenLoopNoise, runs: &[OpenLoopRun], attempts: &[u32]) -> String {
+    let mut cells = format!("| {noise} | {} |", mean_cell(runs, share));
+    for &count in attempts {
+        let found = |run: &OpenLoopRun| run.probability_to_find(count).unwrap_or(f64::NAN);
+        let _ = write!(cells, " {} |", mean_cell(runs, found));
+    }
+    let returns: Vec<f64> = runs.iter().map(|run| run.mean_return).collect();
+    let best = runs.iter().map(|run| run.best_return);
+    let _ = write!(
+        cells,
+        " {:.3} | {:.3} |",
+        mean(&returns),
+        best.fold(f64::NEG_INFINITY, f64::max)
+    );
+    cells
+}
+
+/// Share of a run's episodes that reached the goal.
+fn share(run: &OpenLoopRun) -> f64 {
+    f64::from(run.goals) / f64::from(run.episodes)
+}
+
+/// Mean over runs and its interval, if there are several.
+fn mean_cell(runs: &[OpenLoopRun], value: impl Fn(&OpenLoopRun) -> f64) -> String {
+    let values: Vec<f64> = runs.iter().map(value).collect();
+    let estimate = bootstrap_estimate(&values, mean);
+    let Some([low, high]) = estimate.interval.ends() else {
+        return format!("{:.4}", estimate.value);
+    };
+    format!("{:.4} ({low:.4} to {high:.4})", estimate.value)
+}
+
+fn csv_header(attempts: &[u32]) -> String {
+    let mut line = "noise,run_seed,episodes,goals,mean_return,best_return".to_owned();
+    for count in attempts {
+        let _ = write!(line, ",found_in_{count}");
+    }
+    line + "\n"
+}
+
+fn add_csv_rows(
+    table: &mut String,
+    noise: OpenLoopNoise,
+    runs: &[OpenLoopRun],
+    first_seed: u64,
+    attempts: &[u32],
+) {
+    for (seed, run) in (first_seed..).zip(runs) {
+        let (mean, best) = (run.mean_return, run.best_return);
+        let _ = write!(
+            table,
+            "\"{noise}\",{seed},{},{},{mean},{best}",
+            run.episodes, run.goals
+        );
+        for &count in attempts {
+            let found = run.probability_to_find(count).unwrap_or(f64::NAN);
+            let _ = write!(table, ",{found}");
+        }
+        table.push('\n');
+    }
+}
+
+fn write_csv(path: &Path, table: &str) -> Result<(), CliError> {
+    storage::files::replace(path, table.as_bytes())
+        .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", path.display())))?;
+    say!("table      {}", path.display());
+    Ok(())
+}
