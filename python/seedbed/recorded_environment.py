@@ -32,16 +32,11 @@ def check_kind(env: Any, expected: Literal["environment", "vector", "VecEnv"]) -
 
 
 def warn_of_normalization(env: Any) -> None:
-    """Warns if the recorder is outside of a wrapper that normalizes rewards or observations."""
+    """Warns if the recorder is outside of a wrapper that normalizes rewards, so that returns have no meaning."""
     for part in _parts(env):
         name = type(part).__name__
-        changed = {
-            "rewards": name == "NormalizeReward" or (name == "VecNormalize" and part.norm_reward),
-            "observations": name == "NormalizeObservation" or (name == "VecNormalize" and part.norm_obs),
-        }
-        if any(changed.values()):
-            what = " and ".join(each for each, is_changed in changed.items() if is_changed)
-            message = f"{what} are recorded as {name} changes them: put the recorder inside of {name}"
+        if name == "NormalizeReward" or (name == "VecNormalize" and part.norm_reward):
+            message = f"rewards are recorded as {name} changes them: put the recorder inside of {name}"
             warnings.warn(message, RuntimeWarning, stacklevel=3)
 
 
