@@ -242,9 +242,9 @@ impl PlayedCopy {
     /// Writes the next action.
     fn act(&mut self, action: &mut [f32]) {
         self.correlated.write(&mut self.numbers);
-        for index in 0..action.len() {
+        for (index, action) in action.iter_mut().enumerate() {
             let [low, high] = self.components[index].quantity.range;
-            action[index] = match &self.components[index].choice {
+            *action = match &self.components[index].choice {
                 Choice::Discrete(values) => self.choose(index, values.len()),
                 Choice::Continuous if self.noise == OpenLoopNoise::Uniform => {
                     self.random.random_range(low..=high)
