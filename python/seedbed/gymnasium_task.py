@@ -101,3 +101,8 @@ class Gymnasium:
         given = {field.name: getattr(self, field.name) for field in fields(self)}
         given = {name: value for name, value in given.items() if value is not None and name != "id"}
         return f"Gymnasium({', '.join([repr(self.id), *(f'{name}={value!r}' for name, value in given.items())])})"
+
+
+def known_id(environment: Any) -> Any:
+    """A text that only environments of Gymnasium have as their id, as a task; all else as it is."""
+    return Gymnasium(environment) if isinstance(environment, str) and ID.fullmatch(environment) else environment

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 from . import programs
 from .errors import RunError
 from .frames import Frames, choose, read_csv
-from .gymnasium_task import ID, Gymnasium
+from .gymnasium_task import Gymnasium, known_id
 from .notebooks import Figure, Page, Text, is_notebook, updated_output
 from .ron import Expression, quoted, struct
 from .training import Environment, python_path_of, task_name, task_text
@@ -271,7 +271,8 @@ class Tuning(_Results):
 
 def _written(what: Environment | Mapping[str, Any], folder: Path, name: str = "study") -> File:
     """The file that is meant, which is written if it is none."""
-    if isinstance(what, str | os.PathLike) and not (isinstance(what, str) and ID.fullmatch(what)):
+    what = known_id(what)
+    if isinstance(what, str | os.PathLike):
         return what
     if isinstance(what, Mapping):
         text, path = _document(what), folder / f"{name}.ron"

@@ -21,7 +21,7 @@ from typing import Any, Literal, TypeAlias
 from . import programs
 from .errors import InputError, RunError
 from .frames import Frames
-from .gymnasium_task import ID, Gymnasium
+from .gymnasium_task import Gymnasium, known_id
 from .progress import RunProgress, progress_here
 from .reading import Run
 from .ron import Expression, quoted, ron_text
@@ -183,10 +183,9 @@ def task_name(environment: Environment) -> str:
     Raises:
         TypeError: It is something else.
     """
+    environment = known_id(environment)
     if isinstance(environment, Gymnasium):
         return environment.name
-    if isinstance(environment, str) and ID.fullmatch(environment):
-        return Gymnasium(environment).name
     if isinstance(environment, str | os.PathLike):
         return Path(environment).name.removesuffix(".ron")
     if callable(environment):
@@ -204,7 +203,8 @@ def task_text(environment: Environment, folder: Path, resumed: Path | None = Non
         folder: Folder to which the file of a function is written.
         resumed: Folder of the run that is resumed.
     """
-    if isinstance(environment, str | os.PathLike) and not (isinstance(environment, str) and ID.fullmatch(environment)):
+    environment = known_id(environment)
+    if isinstance(environment, str | os.PathLike):
         given = os.fspath(environment)
         # Relative to the working directory, not to the scenario.
         return quoted(os.path.abspath(given) if given.endswith(".ron") else given)

@@ -905,7 +905,6 @@ class Stream:
             self.end += received
         return True
 
-
     def wait_awake(self) -> None:
         """Waits for data, but not for long: a process that sleeps may need as long to wake up as a short step takes."""
         deadline = time.perf_counter() + AWAKE_SECONDS
