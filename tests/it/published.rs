@@ -20,14 +20,14 @@ use super::util::{REPOSITORY, seedbed};
 
 const END: &str = "<!-- end -->";
 
-/// Folders with published results.
+/// Folders with published results. Those of groups precede those of groups within groups, so that a reference with the
+/// name of a study alone means the former: `thesis/results/x` and `gymnasium/thesis/results/x`.
 fn published_folders() -> Vec<PathBuf> {
-    let scenarios = Path::new(REPOSITORY).join("scenarios");
-    let mut folders = Vec::new();
-    for group in subfolders(&scenarios) {
-        folders.extend(subfolders(&group.join("results")));
-    }
-    folders
+    let groups = subfolders(&Path::new(REPOSITORY).join("scenarios"));
+    let inner = groups.iter().flat_map(|group| subfolders(group));
+    let all = groups.iter().cloned().chain(inner);
+    all.flat_map(|group| subfolders(&group.join("results")))
+        .collect()
 }
 
 fn subfolders(folder: &Path) -> Vec<PathBuf> {
