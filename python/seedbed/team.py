@@ -20,7 +20,7 @@ import contextlib
 import json
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -30,8 +30,9 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from . import _native
+from . import _native, programs
 from ._native import Task
+from .errors import RunError
 from .recorded_axes import Ranges
 from .ron import Expression, ron_text
 from .seeding import checked_seed
@@ -45,6 +46,9 @@ Settings: TypeAlias = str | Mapping[str, Any]
 """RON, or a map of its fields, in which texts are RON already."""
 
 DEFAULT_MAX_STEPS = 10_000
+
+HELP = "\n  = help: "
+"""What precedes the help in an error."""
 
 
 class Team:
@@ -126,23 +130,25 @@ class Team:
         notes = {"observation_space": observation_space, "action_space": action_space}
         observations = observed_quantities(observation_space, task, names, ranges)
         actions = components_of(action_space, task)
+        text = _algorithm_text(algorithm)
         limit = DEFAULT_MAX_STEPS if task is None else min(task.time_limit, 100 * DEFAULT_MAX_STEPS)
-        self._team = _native.Team(
-            _algorithm_text(algorithm),
-            _fields(agents if isinstance(agents, Mapping) else {"count": _count("agents", agents)}, "agents"),
-            "environments" if task is None else task.name,
-            observations,
-            actions,
-            observation_space.shape or (),
-            seed=checked_seed(seed),
-            max_episode_steps=_count("max_episode_steps", limit if max_episode_steps is None else max_episode_steps),
-            episodes=None if episodes is None else _count("episodes", episodes),
-            learn_every=None if learn_every is None else _count("learn_every", learn_every),
-            counts_team_steps=steps_of == "Team",
-            autoreset=BATCH_AUTORESET[AutoresetMode(autoreset_mode)],
-            threads=threads,
-            notes=json.dumps({name: space_to_dict(space) for name, space in notes.items()}),
-        )
+        with _with_names_of_others(text):
+            self._team = _native.Team(
+                text,
+                _fields(agents if isinstance(agents, Mapping) else {"count": _count("agents", agents)}, "agents"),
+                "environments" if task is None else task.name,
+                observations,
+                actions,
+                observation_space.shape or (),
+                seed=checked_seed(seed),
+                max_episode_steps=_count("max_episode_steps", limit if max_episode_steps is None else max_episode_steps),
+                episodes=None if episodes is None else _count("episodes", episodes),
+                learn_every=None if learn_every is None else _count("learn_every", learn_every),
+                counts_team_steps=steps_of == "Team",
+                autoreset=BATCH_AUTORESET[AutoresetMode(autoreset_mode)],
+                threads=threads,
+                notes=json.dumps({name: space_to_dict(space) for name, space in notes.items()}),
+            )
         self._set_spaces(observation_space, action_space)
 
     def _set_spaces(self, observation_space: spaces.Space[Any], action_space: spaces.Space[Any]) -> None:
@@ -385,6 +391,33 @@ def _algorithm_text(algorithm: Settings) -> str:
         raise TypeError(f'algorithm is {algorithm!r}, expected a text, or a map such as {{"SeedPg": {{"discount": 0.9}}}}')
     name, fields = next(iter(algorithm.items()))
     return f"{name}{_fields(fields, str(name))}"
+
+
+@contextlib.contextmanager
+def _with_names_of_others(algorithm: str) -> Iterator[None]:
+    """Errors say what a name of another library, such as `PPO`, is here, which the program knows."""
+    try:
+        yield
+    except ValueError as error:
+        message, _, own_help = str(error).partition(HELP)
+        if not message.startswith("algorithm:") or not (help := _help_of_program(algorithm) or own_help):
+            raise
+        raise ValueError(f"{message}{HELP}{help}") from None
+
+
+def _help_of_program(algorithm: str) -> str | None:
+    """How to write an algorithm with names of other libraries; None if the program says nothing or is missing."""
+    with tempfile.TemporaryDirectory(prefix="seedbed-") as folder:
+        path = Path(folder) / "team.ron"
+        path.write_text(f'Scenario(environment: "cartpole", algorithm: {algorithm})\n', encoding="utf-8")
+        try:
+            programs.call("check", path)
+        except RunError as error:
+            found = error.message.partition(HELP)[2]
+            return found if "; write " in found else None
+        except OSError:
+            pass
+    return None
 
 
 def _fields(fields: Any, place: str) -> str:

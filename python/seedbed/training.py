@@ -109,8 +109,8 @@ def train(
         environment: Name of a task, path of a task file, id of an environment of Gymnasium, such as `"CartPole-v1"` or
             `"file.py:function"`, a `Gymnasium`, or a function that returns an environment of
             Gymnasium. The function may be one of a notebook: worker processes get it pickled by value.
-        scenario: A scenario, by name or path, in place of an environment: its environment, algorithm and other settings are the
-            defaults of this call.
+        scenario: A scenario, by name or path: its environment, algorithm and other settings are the defaults of this call. With
+            `"ppo"` or `"sac"`, an environment is learned with the settings that are usual for these.
         algorithm: Name of an algorithm, or its settings: `"SeedPg"`, `"SeedPg(discount: 0.9)"`. By default `SeedPg`.
         agents: Number of agents K; by default 1.
         seed: Run seed, from which all random numbers are derived; by default 0.
@@ -145,15 +145,15 @@ def train(
     settings = setting_arguments(algorithm, agents, set)
     options = _options(threads, recording, save_initial, tensorboard)
     with tempfile.TemporaryDirectory(prefix="seedbed-") as folder:
-        if scenario is not None and environment is None:
-            given, out_folder = _Scenario(os.fspath(scenario)), out
-        elif scenario is None and environment is not None:
+        if environment is not None:
             name = task_name(environment)
             out_folder = out or Path("recordings") / name / f"seed-{seed or 0}"
-            given = _scenario_of(environment, name, Path(folder), Path(out_folder) if resume else None)
+            given = _scenario_of(environment, name, scenario, Path(folder), Path(out_folder) if resume else None)
+        elif scenario is not None:
+            given, out_folder = _Scenario(os.fspath(scenario)), out
         else:
-            raise TypeError("expected either an environment or a scenario")
-        arguments: list[programs.Argument] = ["run", given.path, *settings, *options]
+            raise TypeError("expected an environment or a scenario")
+        arguments: list[programs.Argument] = ["run", given.path, *given.settings, *settings, *options]
         arguments += [] if seed is None else ["--seed", str(seed)]
         arguments += [] if out_folder is None else ["--out", out_folder]
         flags = {"--resume": resume, "--overwrite": overwrite, "--other-versions": other_versions}
@@ -171,8 +171,10 @@ class _Scenario:
 
     path: str
     """Name or path of the scenario."""
-    is_written: bool = False
-    """Whether it was written for this call: errors do not name its file."""
+    settings: Sequence[str] = ()
+    """Arguments that precede those of the caller."""
+    written: Path | None = None
+    """A file that was written for this call, which errors do not name."""
     python_path: Sequence[str] = ()
     """Folders in which worker processes find modules."""
 
@@ -212,11 +214,18 @@ def task_text(environment: Environment, folder: Path, resumed: Path | None = Non
     return task.text(folder, None if resumed is None else resumed / "envs" / f"{task.name}.py")
 
 
-def _scenario_of(environment: Environment, name: str, folder: Path, resumed: Path | None) -> _Scenario:
-    """A scenario with nothing but its environment."""
-    path = folder / f"{name}.ron"
-    path.write_text(f"Scenario(environment: {task_text(environment, folder, resumed)})\n", encoding="utf-8")
-    return _Scenario(str(path), is_written=True, python_path=python_path_of(environment))
+def _scenario_of(
+    environment: Environment, name: str, scenario: str | os.PathLike[str] | None, folder: Path, resumed: Path | None
+) -> _Scenario:
+    """A scenario with nothing but its environment, or one in another environment."""
+    path, text = folder / f"{name}.ron", task_text(environment, folder, resumed)
+    python_path = python_path_of(environment)
+    if scenario is None:
+        path.write_text(f"Scenario(environment: {text})\n", encoding="utf-8")
+        return _Scenario(str(path), written=path, python_path=python_path)
+    # The file of a function is not in the folder of the scenario.
+    text = text.replace(f'id: "{name}.py:', f'id: "{folder / name}.py:')
+    return _Scenario(os.fspath(scenario), ("--set", f"environment={text}"), path, python_path)
 
 
 def python_path_of(environment: Environment) -> list[str]:
@@ -362,8 +371,9 @@ def _with_python_words(scenario: _Scenario) -> Iterator[None]:
         yield
     except RunError as error:
         message = error.message
-        if scenario.is_written:
-            message = message.replace(scenario.path, "environment").replace(f"{Path(scenario.path).parent}{os.sep}", "")
+        if scenario.written is not None:
+            message = message.replace(str(scenario.written), "environment").replace(f"{scenario.written.parent}{os.sep}", "")
+        message = message.replace("add `time_limit: 1000`", "`seedbed.Gymnasium(environment, time_limit=1000)`")
         message = re.sub(r"\n  seedbed (run .*)$", lambda found: "\n  " + _call(found[1]), message)
         raise type(error)(error.path, message) from None
 

@@ -241,10 +241,8 @@ class TestErrors:
             seedbed.train("cartpole", resume=True, out="other")
 
     def test_wrong_arguments(self):
-        with pytest.raises(TypeError, match="either an environment or a scenario"):
+        with pytest.raises(TypeError, match="expected an environment or a scenario"):
             seedbed.train()
-        with pytest.raises(TypeError, match="either an environment or a scenario"):
-            seedbed.train("cartpole", scenario="cartpole")
         with pytest.raises(TypeError, match="expected a list such as"):
             seedbed.train("cartpole", set="stop=Episodes(3)")
         with pytest.raises(TypeError, match="a function that returns one, such as lambda"):
@@ -367,6 +365,30 @@ class TestEnvironments:
         with pytest.warns(RuntimeWarning, match="`make_corridor` has changed since the run began"):
             resumed = train(make_another, out="other", resume=True)
         assert bits(resumed.path) == bits(whole.path)
+
+    def test_a_scenario_in_another_environment(self):
+        settings: dict[str, Any] = {"scenario": "ppo", "set": ["stop=Episodes(16)"]}
+        run = seedbed.train(limited(make_corridor), **settings)
+        assert run.path == Path("recordings/make_corridor/seed-0").absolute()
+        assert "policy_data: Own" in (run.path / "scenario.ron").read_text()
+        algorithm = re.search(r"algorithm: (SeedPg\(.*?\n    \)),", (REPOSITORY / "scenarios/ppo.ron").read_text(), re.DOTALL)
+        assert algorithm is not None
+        same = {"set": ["stop=Episodes(16)", "schedule=Synchronous(episodes: 8)", "agents=(count: 1, seeds: Normal(sigma: 0))"]}
+        other = seedbed.train(limited(make_corridor), algorithm=algorithm[1], out="other", **same)
+        assert bits(run.path) == bits(other.path)
+
+        with pytest.raises(ZeroDivisionError):
+            seedbed.train(limited(make_corridor), **settings, out="resumed", on_round=lambda state: 1 // 0)
+        assert bits(seedbed.train(limited(make_corridor), **settings, out="resumed", resume=True).path) == bits(run.path)
+        named = seedbed.train("mountain_car_continuous", scenario="ppo", set=["stop=Episodes(8)"], recording=False)
+        assert named.path.parent.name == "mountain_car_continuous"
+        with pytest.raises(seedbed.InputError, match="mountain_car") as caught:
+            seedbed.train("mountain_carr", scenario="ppo")
+        assert "tmp" not in str(caught.value)
+
+    def test_an_environment_without_a_time_limit(self):
+        with pytest.raises(seedbed.InputError, match=r"help: `seedbed\.Gymnasium\(environment, time_limit=1000\)`"):
+            seedbed.train(make_corridor)
 
     def test_failures_of_an_environment_are_exceptions_with_its_traceback(self):
         with pytest.raises(seedbed.RunError, match="the corridor is on fire") as caught:

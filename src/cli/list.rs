@@ -255,7 +255,7 @@ fn groups(directory: Directory) -> Vec<Group> {
         seedbed_input::folders_upwards(&input_files::working_directory(), directory.name())
     {
         let folder = input_files::relative_path(&folder);
-        let paths = ron_files(&folder);
+        let paths = files_of(directory, &folder);
         names_on_disk.extend(paths.iter().filter_map(|path| name_in(&folder, path)));
         groups.push(Group {
             place: folder.join("").display().to_string(),
@@ -353,6 +353,16 @@ fn wrap(sentence: &str, max_width: usize) -> Vec<String> {
         }
     }
     lines
+}
+
+/// The files of a directory. Tasks may be beside the scenarios that use them, in folders of their own.
+fn files_of(directory: Directory, folder: &Path) -> Vec<PathBuf> {
+    let tasks = Directory::Environments.name();
+    let mut files = ron_files(folder);
+    if directory == Directory::Scenarios {
+        files.retain(|path| path.iter().all(|part| part != tasks));
+    }
+    files
 }
 
 /// All `.ron` files in a directory and its subdirectories, sorted.

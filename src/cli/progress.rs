@@ -40,21 +40,26 @@ impl Observer for AbortAfter {
 }
 
 /// Several observers of one run, in their order.
-pub(super) struct Observers(pub(super) Vec<Box<dyn Observer>>);
+pub(super) struct Observers {
+    pub(super) all: Vec<Box<dyn Observer>>,
+    /// Environment steps of a resumed run before this process; otherwise 0.
+    pub(super) steps_before: u64,
+}
 
 impl Observer for Observers {
     fn begun(&mut self, progress: &Progress) {
-        self.0.iter_mut().for_each(|each| each.begun(progress));
+        self.steps_before = progress.env_steps;
+        self.all.iter_mut().for_each(|each| each.begun(progress));
     }
 
     fn round_finished(&mut self, progress: &Progress, rows: &RoundRows) {
-        self.0
+        self.all
             .iter_mut()
             .for_each(|each| each.round_finished(progress, rows));
     }
 
     fn warn(&mut self, warning: &str) {
-        self.0.iter_mut().for_each(|each| each.warn(warning));
+        self.all.iter_mut().for_each(|each| each.warn(warning));
     }
 }
 

@@ -142,6 +142,7 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
     let recorder_factory = run_recorder_factory(args, &options.folder, live);
     let interrupted = stop_requests.flag();
     let ending = experiment.run_in_folder(&options, recorder_factory, &mut observer, interrupted);
+    let steps_before = observer.steps_before;
     drop((observer, stop_requests));
     let ending = ending.map_err(|error| with_resume_hint(error, args, &options.folder))?;
     let seconds = started.elapsed().as_secs_f64();
@@ -163,7 +164,8 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
                     note!("warning: {warning}");
                 }
             } else {
-                print_report(args, &*experiment, &report, &options, seconds);
+                let steps = steps_text(report.env_steps, steps_before, seconds);
+                print_report(args, &*experiment, &report, &options, &steps);
                 print_exchanged(&exchanged, seconds);
                 let waited = time_waited().saturating_sub(waited_before);
                 print_time_of_environment(waited, seconds, options.threads);
@@ -245,7 +247,10 @@ fn observer(
     if let Some(rounds) = args.abort_after_rounds {
         observers.push(Box::new(AbortAfter { rounds }));
     }
-    Ok(Observers(observers))
+    Ok(Observers {
+        all: observers,
+        steps_before: 0,
+    })
 }
 
 /// The viewer or server that shows the recording during the run; `None` without `--live` and
@@ -448,16 +453,13 @@ fn print_report(
     experiment: &dyn Experiment,
     report: &RunReport,
     options: &Options,
-    seconds: f64,
+    steps: &str,
 ) {
     let (episodes, team) = (
         pluralize(report.episodes_per_agent, "episode"),
         pluralize(experiment.agents() as usize, "agent"),
     );
-    let (steps, rate) = (report.env_steps, report.env_steps as f64 / seconds);
-    say!(
-        "finished   {episodes} per agent, {team}, {steps} env steps in {seconds:.1} s ({rate:.0} per second)"
-    );
+    say!("finished   {episodes} per agent, {team}, {steps}");
     for (label, text) in &report.lines {
         say!("{label:<10} {text}");
     }
@@ -472,6 +474,18 @@ fn print_report(
     } else if let Some(obstacle) = recording_obstacle(args, experiment) {
         say!("recording  none: {obstacle}");
     }
+}
+
+/// Environment steps of a run, and the speed of this process. `before`: the steps of processes that it has resumed
+fn steps_text(steps: u64, before: u64, seconds: f64) -> String {
+    let own = steps.saturating_sub(before);
+    let part = if before > 0 {
+        format!(", {own} of them")
+    } else {
+        String::new()
+    };
+    let rate = own as f64 / seconds;
+    format!("{steps} env steps{part} in {seconds:.1} s ({rate:.0} per second)")
 }
 
 /// What the exchange between ranks has cost, if there are several.

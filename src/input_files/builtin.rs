@@ -106,6 +106,8 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "scenarios/parking.ron",
     "scenarios/pendulum.ron",
     "scenarios/pendulum_sac.ron",
+    "scenarios/ppo.ron",
+    "scenarios/sac.ron",
     "scenarios/swingup_balance_seed_ensemble.ron",
     "scenarios/swingup_concurrent_egreedy.ron",
     "scenarios/swingup_concurrent_seed_ensemble.ron",

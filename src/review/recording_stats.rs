@@ -31,12 +31,18 @@ pub struct RecordingStats {
     rounds_are_shared: bool,
     /// Distribution of each observation's values: `[observations]`.
     pub distributions: Vec<ValueDistribution>,
+    /// Distribution of each entry of `info` that is recorded beside the observations: `[info]`.
+    pub info: Vec<ValueDistribution>,
     /// Distribution of each action's values: `[components of an action]`.
     pub actions: Vec<ValueDistribution>,
     /// Distribution of rewards.
     pub rewards: ValueDistribution,
     /// Distribution of intrinsic rewards; `None` without a bonus.
     pub intrinsic_rewards: Option<ValueDistribution>,
+}
+
+fn distributions(quantities: &[Quantity]) -> Vec<ValueDistribution> {
+    quantities.iter().map(ValueDistribution::new).collect()
 }
 
 impl RecordingStats {
@@ -59,12 +65,9 @@ impl RecordingStats {
             first_rounds: FirstRounds::default(),
             latest: LatestVisits::default(),
             rounds_are_shared: recording.state_files().is_none(),
-            distributions: observations.iter().map(ValueDistribution::new).collect(),
-            actions: recording
-                .actions()
-                .iter()
-                .map(ValueDistribution::new)
-                .collect(),
+            distributions: distributions(observations),
+            info: distributions(recording.info()),
+            actions: distributions(recording.actions()),
             rewards: ValueDistribution::new(
                 &StateQuantity::Reward.with_range([f32::NEG_INFINITY, f32::INFINITY]),
             ),
@@ -98,7 +101,8 @@ impl RecordingStats {
         kept: Option<Vec<RecordedEpisode>>,
     ) -> Result<(), ReadError> {
         let of_rewards = std::iter::once(&mut self.rewards).chain(&mut self.intrinsic_rewards);
-        let of_task = self.distributions.iter_mut().chain(&mut self.actions);
+        let of_states = self.distributions.iter_mut().chain(&mut self.info);
+        let of_task = of_states.chain(&mut self.actions);
         of_task
             .chain(of_rewards)
             .for_each(ValueDistribution::find_middle);
@@ -160,6 +164,7 @@ impl RecordingStats {
         ];
         for (distributions, rows) in [
             (&mut self.distributions[..], &episode.observations),
+            (&mut self.info[..], &episode.info),
             (&mut self.actions[..], &episode.actions),
             (of_reward, &episode.rewards),
             (of_bonus, &episode.intrinsic_rewards),

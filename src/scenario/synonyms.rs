@@ -77,6 +77,15 @@ impl Suggestion {
         !self.assignments.is_empty() && self.assignments.iter().all(is_about)
     }
 
+    /// Whether it is what the algorithm is called here: something else is wrong.
+    fn is_name_of_algorithm(&self) -> bool {
+        let mut values = self
+            .assignments
+            .iter()
+            .filter_map(|set| set.split_once('='));
+        values.any(|(_, value)| first_word(value) == self.name)
+    }
+
     fn help_with(&self, written: impl Iterator<Item = String>) -> String {
         let written: Vec<String> = written.collect();
         let meaning = format!("`{}`: {}", self.name, self.meaning);
@@ -92,12 +101,16 @@ impl Suggestion {
 #[must_use]
 pub fn suggest<T: Resolve>(document: &Document<T>, path: &str, value: &str) -> Option<Suggestion> {
     let name = path.rsplit('.').next().unwrap_or(path);
+    if let Some(steps) = steps_to_stop_after(name, value) {
+        return Some(accepted(document, find(FIELDS, STEPS)?, name, steps));
+    }
     let synonym = find(FIELDS, name);
     let names_algorithm = simplified(name) == "algorithm"
         || synonym.is_some_and(|synonym| synonym.forms == table::ALGORITHM);
     let is_field = opening_of(document, path).is_some();
     if names_algorithm && let Some(algorithm) = find(ALGORITHMS, first_word(value)) {
-        return Some(accepted(document, algorithm, first_word(value), ""));
+        let suggestion = accepted(document, algorithm, first_word(value), "");
+        return (!suggestion.is_name_of_algorithm()).then_some(suggestion);
     }
     if names_algorithm && is_field {
         return None;
@@ -105,6 +118,17 @@ pub fn suggest<T: Resolve>(document: &Document<T>, path: &str, value: &str) -> O
     let suggestion = accepted(document, synonym?, name, value);
     // A field may have the name that another one has elsewhere.
     (!is_field || suggestion.is_about(path, value)).then_some(suggestion)
+}
+
+/// The name in [`FIELDS`] of the number of steps after which a run ends.
+const STEPS: &str = "total_timesteps";
+
+/// The number in a value of `stop` such as `Steps(1000)` or `EnvSteps(1000)`.
+fn steps_to_stop_after<'a>(name: &str, value: &'a str) -> Option<&'a str> {
+    let (variant, rest) = value.split_once('(')?;
+    let is_steps = name == "stop" && simplified(variant).ends_with("steps");
+    let number = rest.trim_end().strip_suffix(')')?.trim();
+    (is_steps && number.chars().all(|c| c.is_ascii_digit())).then_some(number)
 }
 
 /// The word after `algorithm:` in the text of a scenario; empty if there is none.

@@ -129,6 +129,10 @@ struct Place<'a> {
 
 impl<'a> Place<'a> {
     fn correct(&self, problem: &Problem) -> Correction {
+        if let Some(name) = self.name_without_parentheses(problem) {
+            let values = "with its values in the parentheses, or none for its defaults";
+            return help(Some(format!("write `{name}()`, {values}")));
+        }
         let Some(token) = self.token(0) else {
             return help(self.unclosed_bracket());
         };
@@ -139,6 +143,14 @@ impl<'a> Place<'a> {
             Problem::Syntax(Expected::EndOfQuotes) => Correction::default(),
             _ => help(self.other(token, problem)),
         }
+    }
+
+    /// The name of a variant with values that none follow.
+    fn name_without_parentheses(&self, problem: &Problem) -> Option<&'a str> {
+        let expects_parenthesis = matches!(problem, Problem::WrongType(Type::Struct(""), _));
+        let opens = self.token(0).is_some_and(|next| "([{".contains(next.text));
+        let name = self.token(-1).filter(Token::is_word)?;
+        (expects_parenthesis && !opens).then_some(name.text)
     }
 
     /// Token number `offset` from the place.

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::Inspected;
 use seedbed::review::distribution::ValueDistribution;
+use seedbed::review::recording_stats::RecordingStats;
 use seedbed::run::facts::EpisodeRow;
 use seedbed::run::facts::Summary;
 use seedbed::run::facts::returns::final_mean;
@@ -34,6 +35,8 @@ struct RunJson<'a> {
     /// Overlap of the visited states of each pair of agents; `null` of agents without visits.
     overlaps: Option<Vec<Vec<Option<f64>>>>,
     observations: Vec<ObservationJson>,
+    /// Entries of `info` that are recorded beside the observations.
+    info: Vec<ObservationJson>,
 }
 
 #[derive(Serialize)]
@@ -61,6 +64,7 @@ struct ObservationJson {
     /// Exact median without NaN.
     median: Option<f64>,
     max: f32,
+    /// `[null, null]` for entries of `info`, which have no axis of their own.
     axis_range: [f32; 2],
     /// Share of the values outside the range of the axis.
     outside: f64,
@@ -96,7 +100,8 @@ pub(super) fn text(inspected: &Inspected) -> String {
             .map(|&agent| agent_json(inspected, agent))
             .collect(),
         overlaps: inspected.overlaps(),
-        observations: observations(inspected),
+        observations: distributions(inspected, |stats| &stats.distributions),
+        info: distributions(inspected, |stats| &stats.info),
     };
     serde_json::to_string_pretty(&object).expect("numbers and texts can be serialized")
 }
@@ -127,11 +132,11 @@ fn agent_json(inspected: &Inspected, agent: u32) -> AgentJson {
     }
 }
 
-fn observations(inspected: &Inspected) -> Vec<ObservationJson> {
-    let distributions = inspected
-        .stats
-        .iter()
-        .flat_map(|stats| &stats.distributions);
+fn distributions(
+    inspected: &Inspected,
+    part: fn(&RecordingStats) -> &Vec<ValueDistribution>,
+) -> Vec<ObservationJson> {
+    let distributions = inspected.stats.iter().flat_map(part);
     let observed = distributions.filter(|distribution| distribution.count > 0);
     observed.map(observation_json).collect()
 }

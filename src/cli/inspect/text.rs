@@ -316,8 +316,8 @@ impl TerminalSummary<'_> {
         text + "\n"
     }
 
-    /// Smallest, median and largest value of each observation and of the intrinsic reward, and of actions and
-    /// rewards of which some are no finite numbers.
+    /// Smallest, median and largest value of each observation, of each entry of `info` and of the intrinsic reward,
+    /// and of actions and rewards of which some are no finite numbers.
     fn observation_table(&self) -> String {
         let Some(stats) = self.inspected.stats.as_ref().filter(|stats| {
             stats
@@ -330,6 +330,7 @@ impl TerminalSummary<'_> {
         let distributions: Vec<&ValueDistribution> = stats
             .distributions
             .iter()
+            .chain(&stats.info)
             .chain(&stats.intrinsic_rewards)
             .chain(not_finite(&stats.actions))
             .chain(not_finite(std::slice::from_ref(&stats.rewards)))
@@ -417,24 +418,32 @@ fn distribution_row(distribution: &ValueDistribution, name_width: usize, has_nan
     let has_numbers = distribution.number_count() > 0;
     let end = |value: f32| has_numbers.then(|| f64::from(value));
     let share = |count: u64| format_percent(Some(count as f64 / distribution.count as f64));
-    let [low, high] = distribution
-        .quantity
-        .range
-        .map(|end| format_number(f64::from(end)));
+    let (range, outside) = axis_range(distribution);
     format!(
         "  {:name_width$} {:>10} {:>10} {:>10} {:>22} {:>8}{}\n",
         label(distribution),
         format_or_dash(end(distribution.min)),
         format_or_dash(distribution.median()),
         format_or_dash(end(distribution.max)),
-        format!("{low} to {high}"),
-        share(distribution.outside),
+        range,
+        outside,
         if has_nan {
             format!(" {:>9}", share(distribution.nan))
         } else {
             String::new()
         }
     )
+}
+
+/// The range of an axis, and the share of values outside of it. Entries of `info` have none.
+fn axis_range(distribution: &ValueDistribution) -> (String, String) {
+    let range = distribution.quantity.range;
+    if range.iter().all(|end| end.is_infinite()) {
+        return ("–".to_owned(), "–".to_owned());
+    }
+    let [low, high] = range.map(|end| format_number(f64::from(end)));
+    let outside = distribution.outside as f64 / distribution.count as f64;
+    (format!("{low} to {high}"), format_percent(Some(outside)))
 }
 
 fn file_size(path: &Path) -> String {
