@@ -144,13 +144,14 @@ def train(
     """
     settings = setting_arguments(algorithm, agents, set)
     options = _options(threads, recording, save_initial, tensorboard)
+    out_folder = out
     with tempfile.TemporaryDirectory(prefix="seedbed-") as folder:
         if environment is not None:
             name = task_name(environment)
             out_folder = out or Path("recordings") / name / f"seed-{seed or 0}"
             given = _scenario_of(environment, name, scenario, Path(folder), Path(out_folder) if resume else None)
         elif scenario is not None:
-            given, out_folder = _Scenario(os.fspath(scenario)), out
+            given = _Scenario(os.fspath(scenario))
         else:
             raise TypeError("expected an environment or a scenario")
         arguments: list[programs.Argument] = ["run", given.path, *given.settings, *settings, *options]
