@@ -3,11 +3,16 @@
 
     benches/peers/gymnasium_workers.py target/release/seedbed CartPole-v1
     benches/peers/gymnasium_workers.py target/release/seedbed HalfCheetah-v5 --workers 1 2
+    benches/peers/gymnasium_workers.py target/release/seedbed benches/peers/upright_cart_pole.py:make_upright
+
+With random actions a pole falls after 22 steps, and agents whose pole has fallen wait for the others of their round: in the
+third example all play for 500 steps.
 
 Needs a Python with the environment and free cores. Ratios are those of the medians.
 """
 
 import argparse
+import importlib.util
 import os
 import re
 import statistics
@@ -15,13 +20,25 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import gymnasium
 
 
+def maker(name: str) -> Callable[[], gymnasium.Env]:
+    """What makes the environment with an id, or that of a function in a file."""
+    file, _, function = name.rpartition(":")
+    if not file.endswith(".py"):
+        return lambda: gymnasium.make(name)
+    specification = importlib.util.spec_from_file_location(Path(file).stem, file)
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return getattr(module, function)
+
+
 def loop(name: str, seconds: float) -> float:
-    environment = gymnasium.make(name)
+    environment = maker(name)()
     environment.action_space.seed(0)
     actions = [environment.action_space.sample() for _ in range(1000)]
     environment.reset(seed=0)
@@ -36,7 +53,7 @@ def loop(name: str, seconds: float) -> float:
 
 
 def asynchronous(name: str, copies: int, seconds: float) -> float:
-    environments = gymnasium.make_vec(name, num_envs=copies, vectorization_mode="async")
+    environments = gymnasium.vector.AsyncVectorEnv([maker(name)] * copies)
     environments.action_space.seed(0)
     actions = [environments.action_space.sample() for _ in range(100)]
     environments.reset(seed=0)
@@ -58,8 +75,9 @@ def workbench(program: str, name: str, copies: int, workers: int, episodes: int)
 
 def run(program: str, name: str, copies: int, workers: int, episodes: int) -> tuple[int, float]:
     """Environment steps and seconds of a run."""
+    absolute = os.path.abspath(name) if ".py:" in name else name
     scenario = (
-        f'Scenario(environment: Gymnasium(id: "{name}", workers: {workers}, probe_steps: 1000), agents: (count: {copies}), '
+        f'Scenario(environment: Gymnasium(id: "{absolute}", workers: {workers}, probe_steps: 1000), agents: (count: {copies}), '
         f"algorithm: Random, stop: Episodes({episodes}))"
     )
     with tempfile.TemporaryDirectory() as folder:
@@ -82,7 +100,7 @@ parser.add_argument("--seconds", type=float, default=2.0)
 arguments = parser.parse_args()
 
 name, copies = arguments.environment, arguments.copies
-mean_length = 22 if name.startswith("CartPole") else 1000
+mean_length = 22 if name.startswith("CartPole") else 500 if "upright" in name else 1000
 rate = loop(name, 0.5)
 episodes = max(4, round(4 * arguments.seconds * rate / copies / mean_length))
 methods = {"loop of Python": lambda: loop(name, arguments.seconds)}
