@@ -204,6 +204,8 @@ def test_one_learner_acts_in_all_copies_unless_each_has_its_own(tmp_path):
     # An episode of n steps has the return 1 + … + n: 3 · 6 and 4 · 3.
     assert record(tmp_path / "one") == [2, [0, 0], 7, 30 / 7]
     assert record(tmp_path / "two", learners=[0, 1]) == [2, [0, 1], 3, 4.5]
+    note = "(2 copies of the environment, 1 learner)"
+    assert [note in seedbed.load(tmp_path / name).explore().read_text() for name in ("one", "two")] == [True, False]
     assert record(tmp_path / "other", agents=[3, 1]) == [4, [0, 3, 2, 3], 0, None]
     with pytest.raises(ValueError, match=r"learners is \[0\], expected 2 numbers: one per copy"):
         record(tmp_path / "three", learners=[0])

@@ -160,7 +160,7 @@ impl Explorer {
                 states::read(recording, max_states, &keys, on_episode).map_err(FilmError::from)?;
             let last_agent = states.episodes.iter().map(|episode| episode.agent).max();
             explored.push(ExploredRun {
-                name: run.name(),
+                name: run.title(),
                 path: path.clone(),
                 agent_count: run
                     .agent_count()

@@ -49,7 +49,7 @@ pub(super) fn read(
             }
         }
         runs.push(PlottedRun {
-            label: run.name(),
+            label: run.title(),
             loaded_run: run,
             axes: axes.clone(),
             states,

@@ -214,6 +214,20 @@ impl LoadedRun {
         })
     }
 
+    /// The name, for pictures. It says if agents are copies of the environment in which fewer learners act.
+    #[must_use]
+    pub fn title(&self) -> String {
+        let name = self.name();
+        match self.learners().filter(|learners| learners.have_copies()) {
+            Some(learners) => {
+                let (copies, count) = (learners.agents(), learners.count());
+                let noun = if count == 1 { "learner" } else { "learners" };
+                format!("{name} ({copies} copies of the environment, {count} {noun})")
+            }
+            None => name,
+        }
+    }
+
     /// Number of agents K, from the tables or else from the properties of the recording.
     #[must_use]
     pub fn agent_count(&self) -> usize {

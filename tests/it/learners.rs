@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::state_files::{closed, episode, file_start, header};
-use super::util::run_successful;
+use super::util::{run_successful, seedbed};
 
 /// Writes a run, with the returns and the learner of each agent. Each episode has two steps.
 fn write_run(folder: &Path, agents: &[(Vec<f64>, u32)]) {
@@ -150,6 +150,20 @@ fn copies_of_one_learner_are_one_agent() {
     let arguments = ["--what", "returns", "--out", picture.to_str().unwrap()];
     run_successful(&[&["plot", folder.path().to_str().unwrap()], &arguments[..]].concat());
     assert!(fs::read_to_string(picture).unwrap().contains("learner 0"));
+    let page = folder.path().join("page.html");
+    let arguments = ["explore", folder.path().to_str().unwrap(), "--out"];
+    run_successful(&[&arguments[..], &[page.to_str().unwrap()]].concat());
+    let page = fs::read_to_string(page).unwrap();
+    assert!(page.contains("(2 copies of the environment, 1 learner)"));
+    let study = folder.path().join("study.ron");
+    let text =
+        r#"Study(title: "x", cells: [(name: "walk", results: Runs("."))], measures: [Coverage])"#;
+    fs::write(&study, text).unwrap();
+    let refused = seedbed(&["check", study.to_str().unwrap()]);
+    let message = String::from_utf8(refused.stderr).unwrap();
+    let expected = "its learners act in several copies of the environment, whose visits are not counted together; expected a \
+                    measure of returns";
+    assert!(message.contains(expected), "{message}");
     // Without a summary, learners are read from the files of states.
     fs::remove_file(folder.path().join("summary.json")).unwrap();
     assert_eq!(results(folder.path())[2]["agents"], "1");

@@ -26,7 +26,7 @@ pub use self::data_file::FileHash;
 pub(super) use self::data_file::SeenFiles;
 use self::pattern::matching_paths;
 pub use self::read_run::ExternalRun;
-use self::read_run::ReadRun;
+use self::read_run::{RETURNS_ONLY, ReadRun};
 use self::run_data::Limits;
 use self::source::{Columns, ResultsSource, SolvedAt, Values};
 use crate::experiment::measure::{Curve, Measure, Needs};
@@ -368,7 +368,7 @@ impl ExternalRuns {
             gradient_steps: !self
                 .runs
                 .iter()
-                .all(|run| has_curve(run, Some(Curve::GradientSteps))),
+                .all(|run| run.without_curve(Some(Curve::GradientSteps)).is_none()),
         }
     }
 
@@ -460,17 +460,16 @@ impl ExternalRuns {
         }
         let is_of_rounds = curve.is_some_and(|curve| curve != Curve::Return);
         // Before the results exist, nothing is known of their curves.
-        let may_have_rounds = matches!(self.spec.source, ResultsSource::Runs(_))
-            && self.runs.iter().all(|run| has_curve(run, curve));
-        (is_of_rounds && !may_have_rounds).then_some((
-            "its files have returns only",
+        let missing = match self.spec.source {
+            ResultsSource::Runs(_) => self.runs.iter().find_map(|run| run.without_curve(curve)),
+            _ => Some(RETURNS_ONLY),
+        };
+        let missing = missing.filter(|_| is_of_rounds)?;
+        Some((
+            missing,
             "expected a measure of returns, such as `FinalReturn()`",
         ))
     }
-}
-
-fn has_curve(run: &ReadRun, curve: Option<Curve>) -> bool {
-    run.has_rounds && curve.is_none_or(|curve| !run.result.curve(curve).is_empty())
 }
 
 fn has_env_steps(source: &ResultsSource) -> bool {

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::data_file::{FileHash, name_of};
+use crate::experiment::measure::Curve;
 use crate::experiment::run_result::RunResult;
 
 /// A run that others made, in descriptions of studies.
@@ -20,13 +21,16 @@ pub struct ExternalRun {
     pub files: Vec<FileHash>,
 }
 
+/// Why the files of most other programs have no curves of rounds.
+pub(super) const RETURNS_ONLY: &str = "its files have returns only";
+
 /// A run with its result.
 #[derive(Clone, Debug)]
 pub(super) struct ReadRun {
     pub(super) run: ExternalRun,
     pub(super) result: RunResult,
-    /// Whether curves of rounds are known.
-    pub(super) has_rounds: bool,
+    /// Why curves of rounds are not known; `None` if they are.
+    pub(super) without_rounds: Option<&'static str>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -40,13 +44,20 @@ impl ReadRun {
                 files,
             },
             result,
-            has_rounds: false,
+            without_rounds: Some(RETURNS_ONLY),
             warnings: Vec::new(),
         }
     }
 
     pub(super) fn with_warnings(self, warnings: Vec<String>) -> Self {
         Self { warnings, ..self }
+    }
+
+    /// Why a curve of rounds is not known; `None` if it is, or if it is that of returns.
+    pub(super) fn without_curve(&self, curve: Option<Curve>) -> Option<&'static str> {
+        let is_missing = |curve| self.result.curve(curve).is_empty();
+        let missing = curve.is_some_and(is_missing).then_some(RETURNS_ONLY);
+        self.without_rounds.or(missing)
     }
 
     /// The run that a file with several runs has under this label in a column.

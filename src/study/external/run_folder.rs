@@ -65,7 +65,7 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
     let episodes = read_episodes(&file)?;
     let mut files = vec![file.hash];
     let mut rounds: Vec<RoundRow> = Vec::new();
-    let mut has_rounds = rounds_path.is_file();
+    let has_rounds = rounds_path.is_file();
     if has_rounds {
         verify(&rounds_path)?;
         files.push(DataFile::read(folder, &rounds_path)?.hash);
@@ -101,16 +101,21 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
         Rounding::Double
     };
     let replay = Replay::new(&episodes, threshold, rounding);
-    let result = match learners.filter(Learners::have_copies) {
-        Some(learners) => {
-            has_rounds = false;
-            result_of_learners(&learners, &episodes, threshold, settings.limits)
-        }
+    let learners = learners.filter(Learners::have_copies);
+    let result = match &learners {
+        Some(learners) => result_of_learners(learners, &episodes, threshold, settings.limits),
         None => replay.result(&episodes, &rounds, settings.limits),
     };
-    let run = ReadRun::new(folder, path, files, result).with_warnings(warnings);
-    Ok(ReadRun { has_rounds, ..run })
+    let mut run = ReadRun::new(folder, path, files, result).with_warnings(warnings);
+    if learners.is_some() || has_rounds {
+        run.without_rounds = learners.map(|_| OF_COPIES);
+    }
+    Ok(run)
 }
+
+/// Why a run whose learners act in several copies of the environment has no curves of rounds.
+const OF_COPIES: &str =
+    "its learners act in several copies of the environment, whose visits are not counted together";
 
 /// The learners that the summary names, if it does: one for each agent.
 fn learners_of(
