@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -263,7 +264,7 @@ class Run:
         return exports.parquet_file(self.path, content, self._summary() if self._is_folder else None)
 
     def policy(self, agent: int = 0, *, model: int | None = None) -> Policy:
-        """The trained policy of an agent.
+        """The trained policy of an agent; of a run that has not ended, that of its newest checkpoint.
 
         Args:
             agent: Number of the agent, from 0.
@@ -272,8 +273,7 @@ class Run:
                 `agent` modulo their number.
 
         Raises:
-            RunError: The file is missing (it is written at the end of a run) or damaged, or the algorithm has no
-                networks.
+            RunError: There is no checkpoint yet, a file is damaged, or the algorithm has no networks.
             IndexError: There is no such agent or model.
 
         Example:
@@ -282,7 +282,14 @@ class Run:
         """
         from .policies import Policy
 
-        return Policy(self._folder("policies") / POLICIES, agent, model)
+        path = self._folder("policies") / POLICIES
+        if not (self.path / "scenario.ron").exists():
+            raise RunError(self.path, "another program made this run: its policies are not in the recording")
+        if path.exists() or self.state == "finished":
+            return Policy(path, agent, model)
+        with tempfile.TemporaryDirectory(prefix="seedbed-") as folder:
+            programs.call("export", self.path, "--to", Path(folder) / POLICIES)
+            return Policy(Path(folder) / POLICIES, agent, model)
 
     def explore(self, path: str | os.PathLike[str] | None = None, *, states: int | None = None) -> Page:
         """Write a page in which visited states are selected by brushes (`seedbed explore`). Notebooks show it.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import gymnasium
@@ -105,10 +105,13 @@ def learner_numbers(learners: Sequence[int] | None, agents: Sequence[int]) -> li
     """The learner of each copy; by default one acts in all copies.
 
     Raises:
+        TypeError: It is no sequence.
         ValueError: There are more or fewer numbers than copies, or one is no such number.
     """
     if learners is None:
         return [agents[0]] * len(agents)
+    if not isinstance(learners, Iterable):
+        raise TypeError(f"learners is {learners!r}, expected the number of the learner of each copy, such as range({len(agents)})")
     numbers = [agent_number("learners", learner) for learner in learners]
     if len(numbers) != len(agents):
         raise ValueError(f"learners is {numbers}, expected {len(agents)} numbers: one per copy")

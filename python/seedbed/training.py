@@ -25,6 +25,7 @@ from .gymnasium_task import Gymnasium, known_id
 from .progress import RunProgress, progress_here
 from .reading import Run
 from .ron import Expression, quoted, ron_text
+from .seeding import checked_seed
 
 AlgorithmName: TypeAlias = Literal[
     "SeedPg",
@@ -155,7 +156,7 @@ def train(
         else:
             raise TypeError("expected an environment or a scenario")
         arguments: list[programs.Argument] = ["run", given.path, *given.settings, *settings, *options]
-        arguments += [] if seed is None else ["--seed", str(seed)]
+        arguments += [] if seed is None else ["--seed", str(checked_seed(seed))]
         arguments += [] if out_folder is None else ["--out", out_folder]
         flags = {"--resume": resume, "--overwrite": overwrite, "--other-versions": other_versions}
         arguments += [flag for flag, is_given in flags.items() if is_given]

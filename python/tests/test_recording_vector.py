@@ -209,6 +209,10 @@ def test_one_learner_acts_in_all_copies_unless_each_has_its_own(tmp_path):
     assert record(tmp_path / "other", agents=[3, 1]) == [4, [0, 3, 2, 3], 0, None]
     with pytest.raises(ValueError, match=r"learners is \[0\], expected 2 numbers: one per copy"):
         record(tmp_path / "three", learners=[0])
+    with pytest.raises(TypeError, match=r"learners is 2, expected the number of the learner of each copy, such as range\(2\)"):
+        record(tmp_path / "three", learners=2)
+    with pytest.raises(seedbed.RunError, match="another program made this run: its policies are not in the recording"):
+        seedbed.load(tmp_path / "one").policy(0)
 
 
 class Unequal(Counter):

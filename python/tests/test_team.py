@@ -385,7 +385,7 @@ WRONG_TEAMS: list[tuple[Callable[[], Any], type[Exception], str]] = [
     (lambda: team_of({"SeedPg": {"discount": "high"}}), ValueError, "in `SeedPg.discount`"),
     (lambda: team_of({"SeedPg": {"a b": 1}}), ValueError, "SeedPg has the setting 'a b', expected a name"),
     (lambda: team_of({"SeedPg": {}, "Random": {}}), TypeError, "expected a text, or a map such as"),
-    (lambda: team_of("PPO"), ValueError, "help: `PPO`: .*write `algorithm: SeedPg\\(policy_data: Own"),
+    (lambda: team_of("PPO"), ValueError, "help: `PPO`: .*write `algorithm: SeedPg\\(value_data: Own, policy_data: Own"),
     (lambda: team_of("SAC"), ValueError, "help: `SAC`: .*write `algorithm: SeedSac\\(\\)`"),
     (lambda: team_of({"SeedPg": {"gamma": 0.9}}), ValueError, "write `algorithm: SeedPg\\(discount: 0.9\\)`|discount: 0.9"),
     (lambda: team_of(3), TypeError, "algorithm is 3, expected a text"),

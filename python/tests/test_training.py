@@ -141,6 +141,21 @@ class TestCallbacks:
         with pytest.raises(seedbed.RunError, match="cannot be resumed, start it again"):
             seedbed.train(scenario="tabular/bipolar_chain", on_round=lambda state: state.round < 2)
 
+    def test_the_policy_of_a_run_in_progress(self):
+        """When it is asked after its fourth round, the newest checkpoint is that of the third."""
+        early: list[Any] = []
+
+        def look(state: seedbed.RunState) -> None:
+            if state.round == 4:
+                early.append(seedbed.load(state.path).policy(1))
+
+        settings = [*SHORT, "checkpoint_every=1", "checkpoint_share=1"]
+        run = seedbed.train("cartpole", agents=2, set=settings, on_round=look)
+        seedbed.train("cartpole", agents=2, set=[*settings, "stop=Episodes(3)"], out="short")
+        observation = [0.1, 0.2, -0.1, 0.3]
+        expected = [seedbed.load(path).policy(1).probabilities(observation).tolist() for path in ("short", run.path)]
+        assert early[0].probabilities(observation).tolist() == expected[0] != expected[1]
+
     def test_errors_of_callbacks_leave_the_run(self):
         def fail(state: seedbed.RunState) -> None:
             if state.round == 2:
@@ -249,6 +264,8 @@ class TestErrors:
             seedbed.train(gymnasium.make("CartPole-v1"))  # type: ignore[arg-type]
         with pytest.raises(TypeError, match="a file, a seedbed.Gymnasium or a function"):
             seedbed.train(3)  # type: ignore[arg-type]
+        with pytest.raises(TypeError, match=r"seed is \[0, 1\], expected an integer from 0"):
+            seedbed.train("cartpole", seed=[0, 1])  # type: ignore[arg-type]
         with pytest.raises(seedbed.InputError, match="recordings/cartpole/seed-0|threads"):
             seedbed.train("cartpole", threads=0)
 

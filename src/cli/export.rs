@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use super::progress::ReadCounter;
-use super::{CliError, pluralize, print_warnings};
+use super::{CliError, pluralize, print_warnings, warn_if_unverified};
 use seedbed::export::{self, Content, ExportError, Format, tensorboard};
 use seedbed::review::LoadedRun;
+use seedbed::run::folder::run_folder;
+use seedbed::run::policies;
 
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("target").required(true).args(["to", "tensorboard"]))]
@@ -17,6 +19,7 @@ use seedbed::review::LoadedRun;
   seedbed export recordings/cartpole/seed-0 --to episodes.csv --content episodes
   seedbed export recordings/cartpole/seed-0 --tensorboard logs       tensorboard --logdir logs
   seedbed export recordings/lander --to run.rrd                      a run of another program, for the Rerun viewer
+  seedbed export recordings/cartpole/seed-0 --to now.safetensors     networks of a run that may not have ended
 
 A row of `states` has agent, episode, round and step, all observations, the action that the policy chose (before \
 the actuator limits it), its reward, \
@@ -29,8 +32,8 @@ formula begin with an apostrophe. Curves of an earlier export to the same Tensor
 pub(super) struct ExportArgs {
     /// Run directory, or a recording
     run: PathBuf,
-    /// Write this file: .csv, .parquet or .npz; or .rrd, a recording for the Rerun viewer, of a run that another
-    /// program recorded
+    /// Write this file: .csv, .parquet or .npz; .rrd, a recording for the Rerun viewer, of a run that another
+    /// program recorded; or .safetensors, the networks of the newest checkpoint
     #[arg(long, value_name = "FILE")]
     to: Option<PathBuf>,
     /// What the file contains
@@ -58,6 +61,10 @@ enum ContentArg {
 }
 
 pub(super) fn export(args: &ExportArgs) -> Result<(), CliError> {
+    let is_of_policies = |path: &&PathBuf| path.extension().is_some_and(|it| it == "safetensors");
+    if let Some(path) = args.to.as_ref().filter(is_of_policies) {
+        return export_policies(args, path);
+    }
     let is_of_states = args.tensorboard.is_none() && args.content == ContentArg::States;
     let run = if is_of_states {
         LoadedRun::open(&args.run)?
@@ -78,7 +85,7 @@ fn export_file(run: &LoadedRun, args: &ExportArgs, path: &Path) -> Result<(), Cl
     }
     let format = Format::of(path).ok_or_else(|| {
         CliError::Usage(format!(
-            "--to {}: expected a file that ends in .csv, .parquet, .npz or .rrd",
+            "--to {}: expected a file that ends in .csv, .parquet, .npz, .rrd or .safetensors",
             path.display()
         ))
     })?;
@@ -94,6 +101,22 @@ fn export_file(run: &LoadedRun, args: &ExportArgs, path: &Path) -> Result<(), Cl
         "wrote {}: {}",
         path.display(),
         pluralize(rows as usize, "row")
+    );
+    Ok(())
+}
+
+fn export_policies(args: &ExportArgs, path: &Path) -> Result<(), CliError> {
+    if args.content != ContentArg::States {
+        let message = "--content: a file of networks (.safetensors) has no rows";
+        return Err(CliError::Usage(message.to_owned()));
+    }
+    let folder = run_folder(&args.run);
+    warn_if_unverified(&folder)?;
+    let episodes = policies::write(&folder, path)?;
+    let episodes = pluralize(episodes, "episode");
+    say!(
+        "wrote {}: networks after {episodes} per agent",
+        path.display()
     );
     Ok(())
 }

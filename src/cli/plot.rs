@@ -147,6 +147,10 @@ pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
     } else {
         figure_of_runs(args)?
     };
+    if panel_count(&figure) == 0 {
+        let message = "nothing is drawn: these runs have nothing for the chosen panels";
+        return Err(CliError::Usage(message.to_owned()));
+    }
     if let Some([width, height]) = args.size {
         figure.resize(width, height);
     }
@@ -164,9 +168,13 @@ pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
     Ok(())
 }
 
-fn size_text(figure: &Figure, is_png: bool) -> String {
+fn panel_count(figure: &Figure) -> usize {
     let panels = figure.rows.iter().flat_map(|row| &row.panels);
-    let panels = panels.filter(|panel| **panel != Panel::Blank).count();
+    panels.filter(|panel| **panel != Panel::Blank).count()
+}
+
+fn size_text(figure: &Figure, is_png: bool) -> String {
+    let panels = panel_count(figure);
     let scale = if is_png { PNG_SCALE } else { 1.0 };
     let [width, height] = [figure.width, figure.height()].map(|side| (side * scale).round());
     format!("{}, {width} × {height} pixels", pluralize(panels, "panel"))

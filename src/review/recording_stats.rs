@@ -45,6 +45,14 @@ fn distributions(quantities: &[Quantity]) -> Vec<ValueDistribution> {
     quantities.iter().map(ValueDistribution::new).collect()
 }
 
+/// The distribution of an entry of `info`: only observations and actions have ranges.
+fn without_range(quantity: &Quantity) -> ValueDistribution {
+    ValueDistribution::new(&Quantity {
+        range: [f32::NEG_INFINITY, f32::INFINITY],
+        ..quantity.clone()
+    })
+}
+
 impl RecordingStats {
     /// Reads the selected episodes; calls `on_episode` for each.
     ///
@@ -66,7 +74,7 @@ impl RecordingStats {
             latest: LatestVisits::default(),
             rounds_are_shared: recording.state_files().is_none(),
             distributions: distributions(observations),
-            info: distributions(recording.info()),
+            info: recording.info().iter().map(without_range).collect(),
             actions: distributions(recording.actions()),
             rewards: ValueDistribution::new(
                 &StateQuantity::Reward.with_range([f32::NEG_INFINITY, f32::INFINITY]),

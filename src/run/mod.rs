@@ -5,7 +5,7 @@
 //! records it, [`folder`] has the files of a run; [`measures`] computes coverage and returns, [`ranks`]
 //! are the processes over which a run may be divided, [`training`] plays and learns; a [`Plan`] is a
 //! scenario with its task, [`execution`] runs it. [`mod@evaluate`] and [`replay`] play trained policies,
-//! [`preview`] random ones. Must not contain formulas of learning.
+//! [`preview`] random ones; [`policies`] writes them before the end of a run. Must not contain formulas of learning.
 
 mod error;
 pub mod evaluate;
@@ -15,6 +15,7 @@ pub mod folder;
 pub mod measures;
 pub mod memory;
 mod plan;
+pub mod policies;
 pub mod preview;
 pub mod ranks;
 pub mod recorder;

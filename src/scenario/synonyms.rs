@@ -123,11 +123,12 @@ pub fn suggest<T: Resolve>(document: &Document<T>, path: &str, value: &str) -> O
 /// The name in [`FIELDS`] of the number of steps after which a run ends.
 const STEPS: &str = "total_timesteps";
 
-/// The number in a value of `stop` such as `Steps(1000)` or `EnvSteps(1000)`.
+/// The number in a value of `stop` such as `Steps(1000)`, `EnvSteps(1000)` or `Steps(team: 1000)`.
 fn steps_to_stop_after<'a>(name: &str, value: &'a str) -> Option<&'a str> {
     let (variant, rest) = value.split_once('(')?;
     let is_steps = name == "stop" && simplified(variant).ends_with("steps");
     let number = rest.trim_end().strip_suffix(')')?.trim();
+    let number = number.strip_prefix("team:").unwrap_or(number).trim();
     (is_steps && number.chars().all(|c| c.is_ascii_digit())).then_some(number)
 }
 
@@ -264,12 +265,21 @@ fn meant_value(synonym: &Synonym, value: &str) -> Option<String> {
         return Some(value.to_owned());
     }
     let name = value.trim_matches(['"', '\'']);
+    if is_id_of_gymnasium(name) {
+        return Some(format!("Gymnasium(id: \"{name}\")"));
+    }
     match input_files::find(name, Directory::Environments, &[]) {
         Ok(_) => Some(name.to_owned()),
         Err(known) => {
             seedbed_input::nearest_name(name, known.iter().map(String::as_str)).map(str::to_owned)
         }
     }
+}
+
+/// Whether this is an id such as `CartPole-v1`.
+fn is_id_of_gymnasium(name: &str) -> bool {
+    let version = name.rsplit_once("-v").map_or("", |(_, version)| version);
+    !version.is_empty() && version.chars().all(|c| c.is_ascii_digit()) && !name.contains('"')
 }
 
 fn are_accepted<T: Resolve>(document: &Document<T>, assignments: &[String]) -> bool {

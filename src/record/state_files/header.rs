@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use seedbed_env::Quantity;
 use seedbed_input::limits::{MAX_RECORDED_AGENTS, MAX_RECORDED_AXES, MAX_RECORDED_NAME_BYTES};
 use serde::Deserialize;
 
@@ -32,6 +33,17 @@ pub(super) struct HeaderAxis {
     pub unit: String,
     pub low: Option<f32>,
     pub high: Option<f32>,
+}
+
+impl HeaderAxis {
+    /// The quantity, if the header has both ends of its range.
+    pub(super) fn declared(&self) -> Option<Quantity> {
+        Some(Quantity {
+            name: self.name.clone(),
+            unit: self.unit.clone(),
+            range: [self.low?, self.high?],
+        })
+    }
 }
 
 impl Header {

@@ -159,6 +159,20 @@ impl StateFiles {
         Ok(learners_of(&agents))
     }
 
+    /// The observations of a run, of which only the beginning of its first file is read; `None` if the range of one is
+    /// that of the values in the files.
+    ///
+    /// # Errors
+    /// The file cannot be read, or its header is damaged.
+    pub fn declared_observations(run_folder: &Path) -> Result<Option<Vec<Quantity>>, ReadError> {
+        let Some(path) = RunFolder::new(run_folder).state_files().into_iter().next() else {
+            return Ok(None);
+        };
+        let first = AgentEpisodes::open(&path)?;
+        let axes = first.header().observations.iter();
+        Ok(axes.map(HeaderAxis::declared).collect())
+    }
+
     /// The observations of an agent, in order.
     #[must_use]
     pub fn observations(&self) -> &[Quantity] {

@@ -49,7 +49,7 @@ fn written(fields: &[Field], opening: impl Fn(&str) -> Option<String> + Copy) ->
             return format!("{name}: {variant}({})", written(&field.fields, opening));
         }
         // Texts may come without quotes after `--set`.
-        if name == "environment" {
+        if name == "environment" && !field.value.contains('(') {
             return format!("{name}: {:?}", field.value.trim_matches('"'));
         }
         format!("{name}: {}", field.value)

@@ -36,15 +36,7 @@ const fn field(
 /// Names of fields.
 pub(super) const FIELDS: &[Synonym] = &[
     field(
-        &[
-            "lr",
-            "learningrate",
-            "stepsize",
-            "alpha",
-            "adamlr",
-            "pilr",
-            "actorlr",
-        ],
+        &["lr", "learningrate", "stepsize", "adamlr"],
         "step size of the optimizer",
         &[
             &[
@@ -61,16 +53,69 @@ pub(super) const FIELDS: &[Synonym] = &[
         "0.001",
     ),
     field(
+        &["alpha"],
+        "weight of the policy's entropy with `SeedSac`, otherwise a step size",
         &[
-            "vflr",
-            "criticlr",
-            "qlr",
+            &["algorithm.temperature=Fixed(alpha: {})"],
+            &["algorithm.learning.optimizer.step_size={}"],
+            &[
+                "algorithm.policy_optimizer.step_size={}",
+                "algorithm.value_optimizer.step_size={}",
+            ],
+        ],
+        "0.001",
+    ),
+    field(
+        &["pilr", "actorlr", "policylr"],
+        "the policy has an optimizer of its own",
+        &[&["algorithm.policy_optimizer.step_size={}"]],
+        "0.001",
+    ),
+    field(
+        &[
             "vfcoef",
             "vfcoeff",
             "vflosscoeff",
             "valuecoef",
             "valuelosscoef",
         ],
+        "there is no weight of the value loss: policy and value function have networks and optimizers of their own",
+        &[],
+        "",
+    ),
+    field(
+        &["targetkl", "clipvloss", "clipvalueloss", "kltarget"],
+        "there is no such limit: updates are limited by `policy_loss: Ppo(clip: 0.2)` and `gradient_clip`",
+        &[],
+        "",
+    ),
+    field(
+        &["policyfrequency", "policydelay"],
+        "policy and critics take each gradient step together",
+        &[],
+        "",
+    ),
+    field(
+        &["autotune", "targetentropy"],
+        "the temperature of `SeedSac` is learned, unless it is given: `temperature: Fixed(alpha: 0.2)`",
+        &[],
+        "",
+    ),
+    field(
+        &[
+            "intcoef",
+            "rndcoef",
+            "beta",
+            "eta",
+            "bonusweight",
+            "intrinsicweight",
+        ],
+        "weight of the exploration bonus, relative to the rewards",
+        &[&["algorithm.bonus.scale.weight={}"]],
+        "0.1",
+    ),
+    field(
+        &["vflr", "criticlr", "qlr", "valuelr"],
         "the value function has an optimizer of its own",
         &[
             &["algorithm.value_optimizer.step_size={}"],
@@ -91,18 +136,8 @@ pub(super) const FIELDS: &[Synonym] = &[
     field(
         &[
             "agents",
-            "nenvs",
-            "numenvs",
-            "nenv",
-            "numenv",
-            "envs",
             "nagents",
             "numagents",
-            "nworkers",
-            "numworkers",
-            "workers",
-            "numenvrunners",
-            "numrolloutworkers",
             "population",
             "populationsize",
             "popsize",
@@ -111,6 +146,27 @@ pub(super) const FIELDS: &[Synonym] = &[
         "number of agents, each of which plays in its own copy of the environment",
         &[&["agents.count={}"]],
         "16",
+    ),
+    field(
+        &[
+            "nenvs",
+            "numenvs",
+            "nenv",
+            "numenv",
+            "envs",
+            "nworkers",
+            "numworkers",
+            "workers",
+            "numenvrunners",
+            "numrolloutworkers",
+        ],
+        "one learner in several copies is here one agent that plays several episodes before it learns; `agents.count` is the \
+         number of learners",
+        &[
+            &["schedule=Synchronous(episodes: {})"],
+            &["agents.count={}"],
+        ],
+        "4",
     ),
     field(
         &[
@@ -158,8 +214,6 @@ pub(super) const FIELDS: &[Synonym] = &[
             "minibatch",
             "trainbatchsize",
             "sgdminibatchsize",
-            "nminibatches",
-            "numminibatches",
         ],
         "number of transitions per gradient step",
         &[
@@ -168,6 +222,12 @@ pub(super) const FIELDS: &[Synonym] = &[
             &["algorithm.minibatch={}"],
         ],
         "64",
+    ),
+    field(
+        &["nminibatches", "numminibatches"],
+        "the size of a minibatch is given, not their number: `minibatch: Steps(64)`, steps of an update divided by their number",
+        &[],
+        "",
     ),
     field(
         &[
@@ -298,6 +358,10 @@ pub(super) const FIELDS: &[Synonym] = &[
         "trace parameter of advantages",
         &[
             &["algorithm.lambda={}"],
+            &[
+                "algorithm.advantage.lambda={}",
+                "algorithm.value_target.lambda={}",
+            ],
             &["algorithm.advantage.lambda={}"],
             &[
                 "algorithm.policy_data=Own",
@@ -486,8 +550,10 @@ pub(super) const FIELDS: &[Synonym] = &[
 pub(super) const ALGORITHMS: &[Synonym] = &[
     field(
         &["ppo", "trpo", "ppo2", "appo", "ippo", "mappo"],
-        "`SeedPg` with its loss `Ppo`, on the agent's own episodes",
-        &[&["algorithm=SeedPg(policy_data: Own, epochs: 4)"]],
+        "`SeedPg` with its loss `Ppo`; the scenario `ppo` has the usual settings for any task, here without the schedule",
+        &[&[
+            "algorithm=SeedPg(value_data: Own, policy_data: Own, value_target: Gae(lambda: 0.95), advantage: Gae(lambda: 0.95), time_limit: Bootstraps, standardize: PerMinibatch, observations: Running, hidden: [64, 64], policy_scale: 0.01, epochs: 10, minibatch: Steps(64), gradient_clip: Some(0.5), policy_optimizer: (step_size: 0.0003), value_optimizer: (step_size: 0.0003))",
+        ]],
         "",
     ),
     field(

@@ -87,8 +87,51 @@ const CASES: &[Case] = &[
         &["algorithm.learning.discount=0.9"],
     ),
     ("SeedPg", "agents", "16", &["agents.count=16"]),
-    ("SeedPg", "n_envs", "8", &["agents.count=8"]),
-    ("SeedPg", "num_envs", "", &["agents.count=16"]),
+    (
+        "SeedPg",
+        "n_envs",
+        "8",
+        &["schedule=Synchronous(episodes: 8)"],
+    ),
+    (
+        "SeedPg",
+        "num_envs",
+        "",
+        &["schedule=Synchronous(episodes: 4)"],
+    ),
+    ("SeedPg", "vf_coef", "0.5", &[]),
+    ("SeedPg", "num_minibatches", "4", &[]),
+    ("SeedPg", "target_kl", "0.01", &[]),
+    (
+        "SeedPg",
+        "policy_lr",
+        "3e-4",
+        &["algorithm.policy_optimizer.step_size=3e-4"],
+    ),
+    (
+        "SeedPg",
+        "gae_lambda",
+        "0.9",
+        &[
+            "algorithm.policy_data=Own",
+            "algorithm.value_data=Own",
+            "algorithm.value_target=Gae(lambda: 0.9)",
+            "algorithm.advantage=Gae(lambda: 0.9)",
+        ],
+    ),
+    (
+        "SeedSac",
+        "alpha",
+        "0.2",
+        &["algorithm.temperature=Fixed(alpha: 0.2)"],
+    ),
+    ("SeedSac", "autotune", "true", &[]),
+    (
+        "QLearning",
+        "alpha",
+        "0.1",
+        &["algorithm.learning.optimizer.step_size=0.1"],
+    ),
     (
         "SeedPg",
         "net_arch",
@@ -157,23 +200,27 @@ const CASES: &[Case] = &[
         "Steps(1000)",
         &["stop=Steps(team: 1000, at_most: 100000)"],
     ),
-    ("SeedPg", "stop", "Steps(team: 0)", &["stop=Episodes(500)"]),
+    (
+        "SeedPg",
+        "stop",
+        "Steps(team: none)",
+        &["stop=Episodes(500)"],
+    ),
     ("SeedPg", "algorithm", "SeedPg", &[]),
-    ("SeedPg", "env", "CartPole-v1", &["environment=cartpole"]),
-    ("SeedPg", "env_id", "Humanoid-v5", &["environment=cartpole"]),
+    (
+        "SeedPg",
+        "stop",
+        "Steps(team: 7000)",
+        &["stop=Steps(team: 7000, at_most: 100000)"],
+    ),
+    (
+        "SeedPg",
+        "env",
+        "CartPole-v1",
+        &["environment=Gymnasium(id: \"CartPole-v1\")"],
+    ),
+    ("SeedPg", "env_id", "cart_pole", &["environment=cartpole"]),
     ("SeedPg", "device", "cuda", &[]),
-    (
-        "SeedPg",
-        "algorithm",
-        "PPO",
-        &["algorithm=SeedPg(policy_data: Own, epochs: 4)"],
-    ),
-    (
-        "SeedPg",
-        "algo",
-        "ppo",
-        &["algorithm=SeedPg(policy_data: Own, epochs: 4)"],
-    ),
     (
         "SeedPg",
         "algorithm",
@@ -267,12 +314,45 @@ fn help_in_file(text: &str) -> String {
     explained.help.unwrap_or_default()
 }
 
+/// Fields that exist only with other settings than the defaults.
+#[test]
+fn names_are_those_of_the_settings() {
+    let text = "Scenario(environment: \"cartpole\", algorithm: SeedPg(policy_data: Own, value_data: Own, value_target: \
+                Gae(lambda: 1), advantage: Gae(lambda: 1), bonus: Rnd()))";
+    let document = seedbed_input::parse::<Scenario>("x.ron", text.to_owned()).unwrap();
+    for (path, expected) in [
+        (
+            "gae_lambda",
+            &[
+                "algorithm.advantage.lambda=0.9",
+                "algorithm.value_target.lambda=0.9",
+            ][..],
+        ),
+        ("rnd_coef", &["algorithm.bonus.scale.weight=0.9"]),
+    ] {
+        let suggestion = suggest(&document, path, "0.9").unwrap();
+        assert_eq!(suggestion.assignments, expected, "{path}");
+    }
+}
+
+/// The help for PPO and the scenario `ppo` have the same settings.
+#[test]
+fn ppo_is_that_of_its_scenario() {
+    let file = include_str!("../../../scenarios/ppo.ron");
+    let of_scenario = seedbed_input::parse::<Scenario>("ppo.ron", file.to_owned()).unwrap();
+    for (path, name) in [("algorithm", "PPO"), ("algo", "ppo")] {
+        let assignments = assignments("SeedPg", path, name);
+        let changed = apply_value(&scenario("SeedPg"), &assignments[0]).unwrap();
+        assert_eq!(changed.value.algorithm, of_scenario.value.algorithm);
+    }
+}
+
 #[test]
 fn files_are_answered_with_fields() {
     let with = |field: &str| help_in_file(&format!("Scenario(environment: \"cartpole\", {field})"));
     for (field, expected) in [
         ("agents: 16", "write `agents: (count: 16)`"),
-        ("n_envs: 8", "write `agents: (count: 8)`"),
+        ("n_envs: 8", "write `schedule: Synchronous(episodes: 8)`"),
         (
             "algorithm: SeedPg(gamma: 0.9)",
             "write `algorithm: SeedPg(discount: 0.9)`",
@@ -291,7 +371,7 @@ fn files_are_answered_with_fields() {
         ),
         (
             "algorithm: PPO()",
-            "write `algorithm: SeedPg(policy_data: Own, epochs: 4)`",
+            "policy_optimizer: (step_size: 0.0003), value_optimizer: (step_size: 0.0003))`",
         ),
         ("algorithm: DQN", "write `algorithm: QLearning()`"),
         (
@@ -302,7 +382,11 @@ fn files_are_answered_with_fields() {
             "total_timesteps: 1e5",
             "write `stop: Steps(team: 100000, at_most: 100000)`",
         ),
-        ("env: \"Acrobot-v1\"", "write `environment: \"acrobot\"`"),
+        (
+            "env: \"Acrobot-v1\"",
+            "write `environment: Gymnasium(id: \"Acrobot-v1\")`",
+        ),
+        ("env: \"acrobott\"", "write `environment: \"acrobot\"`"),
         (
             "device: \"cuda\"",
             "`--threads N` sets the number of threads",

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::run_source::RunSource;
 use crate::experiment::measure::Measure;
 use crate::input_files;
+use crate::record::difference_of_quantities;
 use crate::study::external::{ExternalCell, ExternalRuns};
 use seedbed_env::Quantity;
 
@@ -129,6 +130,43 @@ pub(in crate::study) fn shown_path(path: &str) -> String {
         Some(relative)
     };
     shown.map_or_else(|| path.to_owned(), |shown| shown.display().to_string())
+}
+
+/// Error message for the first two cells that have the same observations, but count visits on other axes.
+pub(in crate::study) fn unequal_axes(cells: &[&Cell], measure: Measure) -> Option<String> {
+    if !measure
+        .curve()
+        .is_some_and(|curve| curve.metric().is_of_visits())
+    {
+        return None;
+    }
+    cells.iter().enumerate().find_map(|(index, cell)| {
+        let differing = |other: &&Cell| {
+            let [one, two] = [cell, other].map(|cell| cell.source.observations());
+            let axis = axis_of_other_range(one, two)?;
+            Some(format!(
+                "visits of the cells `{}` and `{}` are counted on other axes: {axis}; expected equal ranges",
+                cell.name, other.name
+            ))
+        };
+        cells[index + 1..].iter().find_map(differing)
+    })
+}
+
+/// The first observation with another range, if the observations are the same: `x is -1 to 1, and -2 to 2`.
+fn axis_of_other_range(one: &[Quantity], two: &[Quantity]) -> Option<String> {
+    if difference_of_quantities(one, two).is_some() {
+        return None;
+    }
+    let (one, two) = one
+        .iter()
+        .zip(two)
+        .find(|(one, two)| one.range != two.range)?;
+    let [range, other] = [one, two].map(|quantity| {
+        let [low, high] = quantity.range;
+        format!("{low} to {high}")
+    });
+    Some(format!("`{}` is {range}, and {other}", one.name))
 }
 
 /// Error message for the first cell whose runs do not have a measure; `None` if all cells have it.

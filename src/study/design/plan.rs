@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use super::cell::{Cell, PlannedRun, missing_measure};
+use super::cell::{Cell, PlannedRun, missing_measure, unequal_axes};
 use super::drafts::cells;
 use super::figure::{CurveAxis, Figure};
 use super::file::Study;
@@ -159,9 +159,13 @@ fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), ValidationError> 
             .map_or(Ok(()), |message| Err(measure.error(message)))?;
     }
     for claim in &study.claims {
-        let compared = cells.iter().filter(|cell| claim.is_about(&cell.name));
+        let compared: Vec<&Cell> = cells
+            .iter()
+            .filter(|cell| claim.is_about(&cell.name))
+            .collect();
         if let Some(measure) = &claim.measure
-            && let Some(message) = missing_measure(compared, **measure)
+            && let Some(message) = missing_measure(compared.iter().copied(), **measure)
+                .or_else(|| unequal_axes(&compared, **measure))
         {
             return Err(measure.error(message));
         }

@@ -31,6 +31,7 @@ use self::run_data::Limits;
 use self::source::{Columns, ResultsSource, SolvedAt, Values};
 use crate::experiment::measure::{Curve, Measure, Needs};
 use crate::experiment::run_result::RunResult;
+use seedbed_env::Quantity;
 use seedbed_input::{InputError, Located, ValidationError};
 
 /// Number of digits of a hash that are shown in messages.
@@ -464,13 +465,40 @@ impl ExternalRuns {
             ResultsSource::Runs(_) => self.runs.iter().find_map(|run| run.without_curve(curve)),
             _ => Some(RETURNS_ONLY),
         };
-        let missing = missing.filter(|_| is_of_rounds)?;
-        Some((
-            missing,
-            "expected a measure of returns, such as `FinalReturn()`",
+        let is_of_visits = curve.is_some_and(|curve| curve.metric().is_of_visits());
+        let unequal = self.axes_obstacle().filter(|_| is_of_visits);
+        let missing = missing.filter(|_| is_of_rounds);
+        let missing = missing.map(|missing| (missing, EXPECTED_RETURNS));
+        missing.or(unequal)
+    }
+
+    /// Why visits of the runs cannot be compared: they are counted on the axes of the observations.
+    fn axes_obstacle(&self) -> Option<(&'static str, &'static str)> {
+        let first = &self.runs.first()?.observations;
+        if self.runs.iter().any(|run| run.observations.is_none()) {
+            return Some((
+                "visits of each of its runs are counted on axes that end at the extremes of this run",
+                "expected recordings with `ranges` for all observations",
+            ));
+        }
+        let differs = self.runs.iter().any(|run| run.observations != *first);
+        differs.then_some((
+            "visits of its runs are counted on different axes",
+            "expected runs with equal ranges of all observations",
         ))
     }
+
+    /// The observations that all runs have, with the ranges on which visits are counted; none if they are not known or
+    /// differ.
+    #[must_use]
+    pub fn observations(&self) -> &[Quantity] {
+        let first = self.runs.first().filter(|_| self.axes_obstacle().is_none());
+        let observations = first.and_then(|run| run.observations.as_deref());
+        observations.unwrap_or_default()
+    }
 }
+
+const EXPECTED_RETURNS: &str = "expected a measure of returns, such as `FinalReturn()`";
 
 fn has_env_steps(source: &ResultsSource) -> bool {
     match source {

@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 use super::data_file::{FileHash, name_of};
 use crate::experiment::measure::Curve;
 use crate::experiment::run_result::RunResult;
+use seedbed_env::Quantity;
 
 /// A run that others made, in descriptions of studies.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -29,6 +30,8 @@ pub(super) const RETURNS_ONLY: &str = "its files have returns only";
 pub(super) struct ReadRun {
     pub(super) run: ExternalRun,
     pub(super) result: RunResult,
+    /// Names, units and ranges of the observations; `None` if they are not known before all states are read.
+    pub(super) observations: Option<Vec<Quantity>>,
     /// Why curves of rounds are not known; `None` if they are.
     pub(super) without_rounds: Option<&'static str>,
     pub(super) warnings: Vec<String>,
@@ -44,6 +47,7 @@ impl ReadRun {
                 files,
             },
             result,
+            observations: None,
             without_rounds: Some(RETURNS_ONLY),
             warnings: Vec::new(),
         }

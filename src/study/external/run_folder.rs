@@ -11,6 +11,7 @@ use super::read_run::ReadRun;
 use super::run_data::{self, AgentEpisodes, Limits};
 use super::source::SolvedAt;
 use super::{Problem, Settings};
+use crate::experiment;
 use crate::experiment::measure::Curve;
 use crate::experiment::run_result::{Milestone, RunResult};
 use crate::record::state_files::{EndedEpisode, Learners, NotedEpisodes, StateFiles};
@@ -20,6 +21,7 @@ use crate::run::facts::RoundRow;
 use crate::run::folder::RunFolder;
 use crate::run::folder::checksums::Checksums;
 use crate::scenario::Rounding;
+use seedbed_env::Quantity;
 use seedbed_input::InputError;
 use seedbed_input::limits::MAX_AGENTS_OF_OTHERS;
 use seedbed_input::numbers::FiniteNumber;
@@ -69,8 +71,7 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
     if has_rounds {
         verify(&rounds_path)?;
         files.push(DataFile::read(folder, &rounds_path)?.hash);
-        let rows = table::read(&rounds_path);
-        rounds = rows.map_err(|error| file_error(&rounds_path, error.reason))?;
+        rounds = read_rounds(&rounds_path)?;
     }
     let (mut threshold, mut learners) = (settings.solved, None);
     let summary_path = run_folder.summary_file();
@@ -107,10 +108,22 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
         None => replay.result(&episodes, &rounds, settings.limits),
     };
     let mut run = ReadRun::new(folder, path, files, result).with_warnings(warnings);
+    run.observations = observations_of(&run_folder)?;
     if learners.is_some() || has_rounds {
         run.without_rounds = learners.map(|_| OF_COPIES);
     }
     Ok(run)
+}
+
+/// The observations with the ranges on which visits are counted, if they are known.
+fn observations_of(folder: &RunFolder) -> Result<Option<Vec<Quantity>>, InputError> {
+    let scenario = folder.scenario_file();
+    if scenario.is_file() {
+        let loaded = experiment::load(&scenario, &[]).ok();
+        return Ok(loaded.map(|loaded| loaded.experiment.spec().observations.clone()));
+    }
+    let declared = StateFiles::declared_observations(folder.path());
+    declared.map_err(|error| file_error(folder.path(), error.to_string()))
 }
 
 /// Why a run whose learners act in several copies of the environment has no curves of rounds.
@@ -143,6 +156,10 @@ fn check_complete(summary: &DataFile, episodes: &[Episode]) -> Result<(), InputE
     difference.map_or(Ok(()), |difference| {
         Err(summary.error(format!("episodes.csv: {difference}")))
     })
+}
+
+fn read_rounds(path: &Path) -> Result<Vec<RoundRow>, InputError> {
+    table::read(path).map_err(|error| file_error(path, error.reason))
 }
 
 fn read_episodes(file: &DataFile) -> Result<Vec<Episode>, InputError> {

@@ -28,13 +28,13 @@ fn options_of_other_libraries_are_answered_with_examples_that_run() {
         ("cartpole", &["--lr", "0.25"][..], "step_size: 0.25,"),
         ("cartpole_q", &["--learning-rate=0.25"], "step_size: 0.25,"),
         ("cartpole", &["--gamma", "0.5"], "discount: 0.5,"),
-        ("cartpole", &["--n-envs", "3"], "count: 3,"),
-        ("cartpole", &["--num_envs=3"], "count: 3,"),
+        ("cartpole", &["--n-envs", "3"], "episodes: 3,"),
+        ("cartpole", &["--num_envs=3"], "episodes: 3,"),
         ("cartpole", &["agents.count=3"], "count: 3,"),
         ("cartpole", &["--agents", "3"], "count: 3,"),
         (
             "cartpole",
-            &["--env", "CartPole-v1"],
+            &["--env", "cart_pole"],
             "environment: \"cartpole\",",
         ),
         ("cartpole", &["--algo", "ppo"], "policy_data: Own,"),
@@ -77,6 +77,10 @@ fn options_of_other_libraries_are_answered_with_examples_that_run() {
 /// What has no field is explained; other unknown options are refused as before.
 #[test]
 fn what_has_no_field_is_explained() {
+    // Running it would need Gymnasium.
+    let error = run_refused(&["run", "cartpole", "--env", "CartPole-v1"]);
+    let expected = r#"--set 'environment=Gymnasium(id: "CartPole-v1")'"#;
+    assert!(error.contains(expected), "{error}");
     let error = run_refused(&["run", "cartpole", "--device", "cuda"]);
     assert!(
         error.starts_with(

@@ -4,7 +4,8 @@
 use std::path::Path;
 
 use crate::util::{
-    command, names_in, run_refused, run_successful, send_signal, small_run, stderr, wait_until,
+    command, crash, names_in, run_command, run_refused, run_successful, send_signal, small_run,
+    stderr, wait_until,
 };
 
 fn export(run: &Path, arguments: &[&str]) -> String {
@@ -83,6 +84,44 @@ fn exports_are_reproducible() {
     );
 }
 
+/// Networks of a checkpoint are those of the run's own file, and exist before its end.
+#[test]
+fn networks_are_written_before_the_end_of_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let [run, begun, path] =
+        ["run", "begun", "now.safetensors"].map(|name| folder.path().join(name));
+    let arguments = ["--set", "checkpoint_every=1", "--set", "checkpoint_share=1"];
+    assert!(small_run(&run, &arguments).status.success());
+    let printed = export(&run, &["--to", path.to_str().unwrap()]);
+    assert!(
+        printed.contains("networks after 6 episodes per agent"),
+        "{printed}"
+    );
+    let whole = std::fs::read(&path).unwrap();
+    assert_eq!(
+        whole,
+        std::fs::read(run.join("policies.safetensors")).unwrap()
+    );
+    // The process ends before the checkpoint of its third round is written.
+    let small = ["--set", "agents.count=2", "--abort-after-rounds", "3"];
+    crash(run_command(&begun, &[&arguments[..], &small].concat()));
+    let printed = export(&begun, &["--to", path.to_str().unwrap()]);
+    assert!(
+        printed.contains("networks after 2 episodes per agent"),
+        "{printed}"
+    );
+    let early = std::fs::read(&path).unwrap();
+    assert!(early.len() == whole.len() && early != whole);
+    std::fs::remove_dir_all(begun.join("checkpoint")).unwrap();
+    run_refused(&[
+        "export",
+        begun.to_str().unwrap(),
+        "--to",
+        path.to_str().unwrap(),
+    ]);
+    assert_eq!(std::fs::read(&path).unwrap(), early);
+}
+
 #[test]
 fn unknown_formats_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -91,8 +130,12 @@ fn unknown_formats_are_refused() {
     let message = run_refused(&["export", run.to_str().unwrap(), "--to", "states.xlsx"]);
     assert_eq!(
         message,
-        "error: --to states.xlsx: expected a file that ends in .csv, .parquet, .npz or .rrd\n"
+        "error: --to states.xlsx: expected a file that ends in .csv, .parquet, .npz, .rrd or .safetensors\n"
     );
+    let rows_of_networks = ["--to", "it.safetensors", "--content", "rounds"];
+    let message =
+        run_refused(&[&["export", run.to_str().unwrap()], &rows_of_networks[..]].concat());
+    assert!(message.contains("has no rows"), "{message}");
     run_refused(&["export", run.to_str().unwrap()]);
 }
 
