@@ -204,6 +204,12 @@ fn check_figure_of_external_cells(
             name.error("results of others have no visited states; expected cells with a scenario")
         );
     }
+    let is_of_others = |cell: &Cell| cell.source.found().is_some();
+    if matches!(figure, Figure::Visitation { .. }) && cells.iter().all(is_of_others) {
+        let message = "for the figure `Visitation`: results of others have no visited states; expected a cell with a scenario, \
+                       or no such figure: `seedbed plot` draws recordings";
+        return Err(figure.error(&study.measures, message.to_owned()));
+    }
     for cell in cells.iter().filter(|cell| figure.shows(&cell.name)) {
         let unknown = cell.source.found().map(ExternalRuns::unknown);
         let reason = match (figure.counted(), unknown.unwrap_or_default()) {

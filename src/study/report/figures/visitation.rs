@@ -37,7 +37,7 @@ pub(super) fn visitation(
     let caption = format!(
         "States visited in all runs: one axis per observation, one line per state; darker where more lines cross. Panels show \
          shares of the states of their cell on one scale, from a uniform sample of each run, weighted by its number of \
-         states{}.{}",
+         states{}.{}{}",
         if windows.len() > 1 {
             "; rows show increasing parts of training"
         } else {
@@ -47,7 +47,8 @@ pub(super) fn visitation(
             " Below: where the share of a cell is above (orange) or below (blue) that of the first cell with the same observations."
         } else {
             ""
-        }
+        },
+        not_shown(cells)
     );
     let scale = ShareScale::of(rows.iter().flatten());
     let columns = columns.min(MAX_COLUMNS);
@@ -66,6 +67,21 @@ pub(super) fn visitation(
         caption,
         picture,
     })
+}
+
+/// Sentence about cells with results of others, of which studies keep no states.
+fn not_shown(cells: &[&CellResults]) -> String {
+    let of_others = cells
+        .iter()
+        .filter(|cell| cell.description.external.is_some());
+    let names: Vec<String> = of_others
+        .map(|cell| format!("“{}”", cell.description.name))
+        .collect();
+    if names.is_empty() {
+        return String::new();
+    }
+    let names = names.join(", ");
+    format!(" Not shown: {names}, whose runs others made; “seedbed plot” draws their recordings.")
 }
 
 /// Visited states of one cell.
