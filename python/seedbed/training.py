@@ -7,6 +7,8 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import inspect
 import json
 import math
 import os
@@ -16,7 +18,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, ParamSpec, TypeAlias, TypeVar
 
 from . import programs
 from .errors import InputError, RunError
@@ -26,6 +28,9 @@ from .progress import RunProgress, progress_here
 from .reading import Run
 from .ron import Expression, quoted, ron_text
 from .seeding import checked_seed
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
 
 AlgorithmName: TypeAlias = Literal[
     "SeedPg",
@@ -81,6 +86,25 @@ OnRound: TypeAlias = Callable[[RunState], "bool | None"]
 """Called after each round; False ends the run."""
 
 
+def _explaining_unknown_names(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """The function, whose error about an unknown argument says where such a setting belongs."""
+    known = inspect.signature(function).parameters
+
+    @functools.wraps(function)
+    def explaining(*arguments: Parameters.args, **named: Parameters.kwargs) -> Result:
+        for name, value in named.items():
+            if name in known:
+                continue
+            place = f"set={{{name!r}: {value!r}}}"
+            if name in Gymnasium.__dataclass_fields__:
+                place = f"seedbed.Gymnasium(environment, {name}={value!r})"
+            raise TypeError(f"{function.__name__}() has no argument {name!r}; settings are given by {place}")
+        return function(*arguments, **named)
+
+    return explaining
+
+
+@_explaining_unknown_names
 def train(
     environment: Environment | None = None,
     *,

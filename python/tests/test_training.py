@@ -258,6 +258,10 @@ class TestErrors:
     def test_wrong_arguments(self):
         with pytest.raises(TypeError, match="expected an environment or a scenario"):
             seedbed.train()
+        with pytest.raises(TypeError, match=r"has no argument 'learning_rate'; settings are given by set=\{'learning_rate': 0\.001\}"):
+            seedbed.train("cartpole", learning_rate=0.001)  # type: ignore[call-arg]
+        with pytest.raises(TypeError, match=r"given by seedbed\.Gymnasium\(environment, time_limit=9\)"):
+            seedbed.train(make_corridor, time_limit=9)  # type: ignore[call-arg]
         with pytest.raises(TypeError, match="expected a list such as"):
             seedbed.train("cartpole", set="stop=Episodes(3)")
         with pytest.raises(TypeError, match="a function that returns one, such as lambda"):
