@@ -360,7 +360,11 @@ fn files_of(directory: Directory, folder: &Path) -> Vec<PathBuf> {
     let tasks = Directory::Environments.name();
     let mut files = ron_files(folder);
     if directory == Directory::Scenarios {
-        files.retain(|path| path.iter().all(|part| part != tasks));
+        let is_task = |path: &PathBuf| {
+            let mut parts = path.strip_prefix(folder).unwrap_or(path).iter();
+            parts.any(|part| part == tasks)
+        };
+        files.retain(|path| !is_task(path));
     }
     files
 }

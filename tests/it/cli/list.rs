@@ -121,3 +121,24 @@ fn list_searches_parent_directories() {
         "descriptions begin after the longest path: {listed}"
     );
 }
+
+/// A folder `envs` among the scenarios has tasks; one around all of them is any folder.
+#[test]
+fn tasks_among_scenarios_are_no_scenarios() {
+    let folder = tempfile::tempdir().unwrap();
+    let project = folder.path().join("envs/project");
+    let [inner, below] = ["scenarios/envs", "sub"].map(|name| project.join(name));
+    std::fs::create_dir_all(&inner).unwrap();
+    std::fs::create_dir_all(&below).unwrap();
+    std::fs::write(inner.join("task.ron"), "Gymnasium(id: \"CartPole-v1\")").unwrap();
+    let scenario = "Scenario(environment: \"cartpole\")";
+    std::fs::write(project.join("scenarios/mine.ron"), scenario).unwrap();
+    for working_directory in [&project, &below] {
+        let printed = list_in(working_directory, "scenarios");
+        assert!(
+            printed.contains("scenarios/mine.ron 4 agents in cartpole"),
+            "{printed}"
+        );
+        assert!(!printed.contains("task.ron"), "{printed}");
+    }
+}
