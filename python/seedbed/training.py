@@ -249,8 +249,6 @@ def _scenario_of(
     if scenario is None:
         path.write_text(f"Scenario(environment: {text})\n", encoding="utf-8")
         return _Scenario(str(path), written=path, python_path=python_path)
-    # The file of a function is not in the folder of the scenario.
-    text = text.replace(f'id: "{name}.py:', f'id: "{folder / name}.py:')
     return _Scenario(os.fspath(scenario), ("--set", f"environment={text}"), path, python_path)
 
 

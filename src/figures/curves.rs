@@ -2,6 +2,7 @@
 
 use super::runs::PlottedRun;
 use crate::plotting::trailing_means;
+use crate::record::other_range;
 use crate::record::state_files::Learners;
 use crate::run::Plan;
 use crate::run::facts::FINAL_WINDOW;
@@ -223,11 +224,7 @@ pub(super) fn other_ranges(runs: &[PlottedRun]) -> Option<String> {
         .collect();
     let ((first, observations), others) = with_observations.split_first()?;
     for (label, of_other) in others {
-        let mut pairs = observations.iter().zip(of_other);
-        let other_range = |(one, other): &(&Quantity, &Quantity)| {
-            one.name == other.name && one.range != other.range
-        };
-        if let Some((one, other)) = pairs.find(other_range) {
+        if let Some((one, other)) = other_range(observations, of_other) {
             let [range, range_of_first] = [other, one].map(|quantity| {
                 let [low, high] = quantity.range;
                 format!("{low} to {high}")

@@ -41,6 +41,15 @@ pub(crate) fn widen(quantities: &mut [Quantity], others: &[Quantity]) {
     }
 }
 
+/// The first observation of the same name that has another range here and there: visits are counted on other axes.
+pub(crate) fn other_range<'a>(
+    first: &'a [Quantity],
+    others: &'a [Quantity],
+) -> Option<(&'a Quantity, &'a Quantity)> {
+    let mut pairs = first.iter().zip(others);
+    pairs.find(|(one, other)| one.name == other.name && one.range != other.range)
+}
+
 /// Why states of these observations cannot be compared with states of `first`; `None` if they can:
 /// names, units and order are the same.
 pub(crate) fn difference(first: &[Quantity], others: &[Quantity]) -> Option<String> {

@@ -23,7 +23,7 @@ pub mod visitation;
 #[cfg(feature = "rerun")]
 pub use self::rerun as recording;
 pub use common_axes::common_axes;
-pub(crate) use common_axes::{difference as difference_of_quantities, widen};
+pub(crate) use common_axes::{difference as difference_of_quantities, other_range, widen};
 pub use live_error::LiveError;
 pub use recorded_episode::{ReadError, RecordedEpisode, RecordedScene};
 pub use recorded_states::RecordedStates;

@@ -265,7 +265,7 @@ fn meant_value(synonym: &Synonym, value: &str) -> Option<String> {
         return Some(value.to_owned());
     }
     let name = value.trim_matches(['"', '\'']);
-    if is_id_of_gymnasium(name) {
+    if seedbed_input::without_version(name).is_some() && !name.contains('"') {
         return Some(format!("Gymnasium(id: \"{name}\")"));
     }
     match input_files::find(name, Directory::Environments, &[]) {
@@ -274,12 +274,6 @@ fn meant_value(synonym: &Synonym, value: &str) -> Option<String> {
             seedbed_input::nearest_name(name, known.iter().map(String::as_str)).map(str::to_owned)
         }
     }
-}
-
-/// Whether this is an id such as `CartPole-v1`.
-fn is_id_of_gymnasium(name: &str) -> bool {
-    let version = name.rsplit_once("-v").map_or("", |(_, version)| version);
-    !version.is_empty() && version.chars().all(|c| c.is_ascii_digit()) && !name.contains('"')
 }
 
 fn are_accepted<T: Resolve>(document: &Document<T>, assignments: &[String]) -> bool {

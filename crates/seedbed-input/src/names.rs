@@ -17,13 +17,20 @@ pub fn nearest_name<'a>(found: &str, valid: impl IntoIterator<Item = &'a str>) -
         .or_else(|| most_similar(found, &valid))
 }
 
+/// The name without its version, as in `CartPole-v1`; `None` if it has none.
+#[must_use]
+pub fn without_version(name: &str) -> Option<&str> {
+    let (base, version) = name.rsplit_once("-v")?;
+    let is_number = !version.is_empty() && version.chars().all(|c| c.is_ascii_digit());
+    is_number.then_some(base)
+}
+
 /// The name in lower case, without separators and without a version such as `-v1`.
 fn simplified(name: &str) -> String {
-    let base = name
-        .rsplit_once("-v")
-        .filter(|(_, version)| !version.is_empty() && version.chars().all(|c| c.is_ascii_digit()));
-    let base = base.map_or(name, |(base, _)| base);
-    let kept = base.chars().filter(|c| c.is_alphanumeric());
+    let kept = without_version(name)
+        .unwrap_or(name)
+        .chars()
+        .filter(|c| c.is_alphanumeric());
     kept.flat_map(char::to_lowercase).collect()
 }
 

@@ -418,15 +418,17 @@ fn distribution_row(distribution: &ValueDistribution, name_width: usize, has_nan
     let has_numbers = distribution.number_count() > 0;
     let end = |value: f32| has_numbers.then(|| f64::from(value));
     let share = |count: u64| format_percent(Some(count as f64 / distribution.count as f64));
-    let (range, outside) = axis_range(distribution);
+    let range = range_of_axis(distribution);
+    let outside = range.as_ref().map(|_| share(distribution.outside));
+    let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
     format!(
         "  {:name_width$} {:>10} {:>10} {:>10} {:>22} {:>8}{}\n",
         label(distribution),
         format_or_dash(end(distribution.min)),
         format_or_dash(distribution.median()),
         format_or_dash(end(distribution.max)),
-        range,
-        outside,
+        or_dash(range),
+        or_dash(outside),
         if has_nan {
             format!(" {:>9}", share(distribution.nan))
         } else {
@@ -435,15 +437,12 @@ fn distribution_row(distribution: &ValueDistribution, name_width: usize, has_nan
     )
 }
 
-/// The range of an axis, and the share of values outside of it. Entries of `info` have none.
-fn axis_range(distribution: &ValueDistribution) -> (String, String) {
+/// The range of the quantity's axis; entries of `info` have none.
+fn range_of_axis(distribution: &ValueDistribution) -> Option<String> {
     let range = distribution.quantity.range;
-    if range.iter().all(|end| end.is_infinite()) {
-        return ("–".to_owned(), "–".to_owned());
-    }
     let [low, high] = range.map(|end| format_number(f64::from(end)));
-    let outside = distribution.outside as f64 / distribution.count as f64;
-    (format!("{low} to {high}"), format_percent(Some(outside)))
+    let is_known = range.iter().any(|end| end.is_finite());
+    is_known.then(|| format!("{low} to {high}"))
 }
 
 fn file_size(path: &Path) -> String {

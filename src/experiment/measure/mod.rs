@@ -287,6 +287,13 @@ impl Measure {
         }
     }
 
+    /// Whether this measure counts visits, on the axes of the observations.
+    #[must_use]
+    pub fn is_of_visits(self) -> bool {
+        let curve = self.curve();
+        curve.is_some_and(|curve| curve.metric().is_of_visits())
+    }
+
     /// Whether this measure needs the returns of single episodes, or counts episodes.
     #[must_use]
     pub fn counts_episodes(self) -> bool {

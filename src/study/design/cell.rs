@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::run_source::RunSource;
 use crate::experiment::measure::Measure;
 use crate::input_files;
-use crate::record::difference_of_quantities;
+use crate::record::{difference_of_quantities, other_range};
 use crate::study::external::{ExternalCell, ExternalRuns};
 use seedbed_env::Quantity;
 
@@ -134,10 +134,7 @@ pub(in crate::study) fn shown_path(path: &str) -> String {
 
 /// Error message for the first two cells that have the same observations, but count visits on other axes.
 pub(in crate::study) fn unequal_axes(cells: &[&Cell], measure: Measure) -> Option<String> {
-    if !measure
-        .curve()
-        .is_some_and(|curve| curve.metric().is_of_visits())
-    {
+    if !measure.is_of_visits() {
         return None;
     }
     cells.iter().enumerate().find_map(|(index, cell)| {
@@ -158,10 +155,7 @@ fn axis_of_other_range(one: &[Quantity], two: &[Quantity]) -> Option<String> {
     if difference_of_quantities(one, two).is_some() {
         return None;
     }
-    let (one, two) = one
-        .iter()
-        .zip(two)
-        .find(|(one, two)| one.range != two.range)?;
+    let (one, two) = other_range(one, two)?;
     let [range, other] = [one, two].map(|quantity| {
         let [low, high] = quantity.range;
         format!("{low} to {high}")

@@ -465,8 +465,7 @@ impl ExternalRuns {
             ResultsSource::Runs(_) => self.runs.iter().find_map(|run| run.without_curve(curve)),
             _ => Some(RETURNS_ONLY),
         };
-        let is_of_visits = curve.is_some_and(|curve| curve.metric().is_of_visits());
-        let unequal = self.axes_obstacle().filter(|_| is_of_visits);
+        let unequal = self.axes_obstacle().filter(|_| measure.is_of_visits());
         let missing = missing.filter(|_| is_of_rounds);
         let missing = missing.map(|missing| (missing, EXPECTED_RETURNS));
         missing.or(unequal)

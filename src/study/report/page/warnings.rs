@@ -3,8 +3,7 @@
 use maud::{Markup, html};
 
 use super::provenance::{builds, versions};
-use crate::experiment::measure::Measure;
-use crate::record::difference_of_quantities;
+use crate::record::{difference_of_quantities, other_range};
 use crate::study::design::file::FIRST_REPORTING_SEED;
 use crate::study::evaluate::cost::cells_without_policy_gradient;
 use crate::study::evaluate::results::{CellResults, Results};
@@ -123,12 +122,11 @@ fn unequal_thresholds(results: &Results) -> Vec<String> {
 /// Sentence about the first two cells with the same observations, but other display ranges, if the study has a
 /// measure of visits, which counts cells of these ranges.
 fn unequal_ranges(results: &Results) -> Option<String> {
-    let is_of_visits = |measure: &Measure| {
-        measure
-            .curve()
-            .is_some_and(|curve| curve.metric().is_of_visits())
-    };
-    if !results.measures().iter().any(is_of_visits) {
+    if !results
+        .measures()
+        .iter()
+        .any(|measure| measure.is_of_visits())
+    {
         return None;
     }
     for (index, cell) in results.cells.iter().enumerate() {
@@ -138,8 +136,7 @@ fn unequal_ranges(results: &Results) -> Option<String> {
             if difference_of_quantities(&observations, &of_other).is_some() {
                 continue;
             }
-            let mut pairs = observations.iter().zip(&of_other);
-            let Some((one, two)) = pairs.find(|(one, two)| one.range != two.range) else {
+            let Some((one, two)) = other_range(&observations, &of_other) else {
                 continue;
             };
             let [range, other_range] = [one, two].map(|quantity| {
