@@ -78,7 +78,8 @@ fn act(criterion: &mut Criterion) {
     let task = cart_pole();
     let spec = task.spec();
     let actor = build_agent(spec, 0);
-    let (mut random, mut scratch) = (stream(0, Purpose::Action, 0, 0), ActScratch::default());
+    let mut random = stream(0, Purpose::Action, 0, 0).into();
+    let mut scratch = ActScratch::default();
     let (mut action, mut log_prob) = ([0.0], [0.0]);
     criterion.bench_function("act/one step", |bencher| {
         bencher.iter(|| {
@@ -247,7 +248,7 @@ fn play_episode(task: &TaskDescription, agent: u32) -> Episode {
         build(task, Physics::Analytic, 1).expect("the task has an analytic model");
     let (mut resets, mut actions) = (
         stream(0, Purpose::Reset, agent, 0),
-        stream(0, Purpose::Action, agent, 0),
+        stream(0, Purpose::Action, agent, 0).into(),
     );
     let (actor, mut scratch) = (build_agent(task.spec(), agent), ActScratch::default());
     let mut episode = Episode {

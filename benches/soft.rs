@@ -56,7 +56,7 @@ fn act(team: &dyn Team, observations: &[f32]) {
         steps: &[0],
         observations: &observations[..OBSERVATIONS],
         playing: &[true],
-        random: &mut [stream(0, Purpose::Action, 0, 0)],
+        random: &mut [stream(0, Purpose::Action, 0, 0).into()],
         actions: &mut actions,
         log_probs: &mut log_probs,
     };

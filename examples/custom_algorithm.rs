@@ -13,11 +13,11 @@ use std::path::Path;
 use rand_distr::{Distribution, StandardNormal};
 use seedbed::env::{Physics, TaskSpec};
 use seedbed::learn::agent::UpdateReport;
-use seedbed::learn::agent::{ActScratch, Agent, AgentContext, TeamConfig, Update};
+use seedbed::learn::agent::{ActScratch, ActionRandom, Agent, AgentContext, TeamConfig, Update};
 use seedbed::learn::experience::{Episode, Experience};
 use seedbed::learn::nn::Tensor;
 use seedbed::learn::team::{IndependentLearners, LearningTiming, TeamContext};
-use seedbed::random::{Purpose, Stream, stream};
+use seedbed::random::{Purpose, stream};
 use seedbed::run::training::{Trainer, TrainingSettings};
 
 /// An agent with a linear policy for two actions, and the best weights that it has found so far.
@@ -46,7 +46,7 @@ impl Agent for HillClimber {
     fn act(
         &self,
         observation: &[f32],
-        _: &mut Stream,
+        _: &mut ActionRandom,
         _: &mut ActScratch,
         action: &mut [f32],
         log_prob: &mut [f32],

@@ -1,63 +1,33 @@
 //! Open-loop noise: what is found by actions that do not depend on what is seen. A task of exploration must be hard for
 //! all of it, before anything is trained.
 
-use std::fmt;
-
-use rand::RngExt;
 use rayon::prelude::*;
 
 use crate::scenario::{Rounding, Threshold};
 use seedbed_env::gymnasium::{EnvironmentFailure, catch_failure};
-use seedbed_env::{Action, Choice, Environment, Physics, Status, TaskDescription, build};
+use seedbed_env::{Environment, Physics, Status, TaskDescription, build};
 use seedbed_input::InputError;
-use seedbed_learn::math::ln;
-use seedbed_learn::rl::correlated_noise::{CorrelatedNoise, Correlation};
-use seedbed_random::{Purpose, Stream, stream};
+use seedbed_input::numbers::ranged_number;
+use seedbed_learn::agent::action_selection::ActionNoise;
+use seedbed_learn::agent::{ActScratch, ActionRandom, Agent};
+use seedbed_learn::algorithms::random::{RandomActions, RandomAgent};
+use seedbed_random::{Purpose, stream};
 
 /// Episodes that are played at the same time.
 const MAX_COPIES: u32 = 32;
 
-/// How actions are drawn. A continuous action is the middle of its range plus half of the range times noise of mean 0
-/// and variance 1, and is kept in its range. A discrete action is drawn uniformly and then repeated.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum OpenLoopNoise {
-    /// Uniform over the range or the choices in each step, as the algorithm `Random`.
-    Uniform,
-    /// White noise; a new choice in each step.
-    White,
-    /// Pink noise (Eberhard et al. 2023); choices are repeated for n steps with a probability in proportion to 1/n²
-    /// (Dabney et al. 2021).
-    Pink,
-    /// Noise of Ornstein and Uhlenbeck with a correlation time in s; choices are kept with probability exp(−step/time).
-    OrnsteinUhlenbeck(f32),
-    /// One action for the whole episode.
-    Constant,
-}
-
-impl OpenLoopNoise {
-    /// Every kind, with correlation times from half a second to five seconds.
-    pub const ALL: [Self; 8] = [
-        Self::Uniform,
-        Self::White,
-        Self::Pink,
-        Self::OrnsteinUhlenbeck(0.5),
-        Self::OrnsteinUhlenbeck(1.0),
-        Self::OrnsteinUhlenbeck(2.0),
-        Self::OrnsteinUhlenbeck(5.0),
-        Self::Constant,
-    ];
-}
-
-impl fmt::Display for OpenLoopNoise {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Uniform => formatter.write_str("uniform"),
-            Self::White => formatter.write_str("white"),
-            Self::Pink => formatter.write_str("pink"),
-            Self::OrnsteinUhlenbeck(time) => write!(formatter, "Ornstein-Uhlenbeck, {time} s"),
-            Self::Constant => formatter.write_str("one action per episode"),
-        }
+/// The kinds of noise that a task is tried with: correlation times from half a second to five seconds.
+#[must_use]
+pub fn kinds_of_noise() -> Vec<RandomActions> {
+    let correlated = |noise| RandomActions::Correlated { noise };
+    let mut kinds = vec![RandomActions::Uniform, RandomActions::White];
+    kinds.push(correlated(ActionNoise::Pink));
+    for seconds in [0.5, 1.0, 2.0, 5.0] {
+        let time = ranged_number(seconds);
+        kinds.push(correlated(ActionNoise::OrnsteinUhlenbeck { time }));
     }
+    kinds.push(correlated(ActionNoise::Constant));
+    kinds
 }
 
 /// How many episodes are played, and what they must reach.
@@ -118,7 +88,7 @@ pub enum OpenLoopError {
 /// The task cannot be built or played.
 pub fn play(
     description: &TaskDescription,
-    noise: OpenLoopNoise,
+    noise: RandomActions,
     plan: &OpenLoopPlan,
 ) -> Result<Vec<OpenLoopRun>, OpenLoopError> {
     let seeds = plan.first_seed..plan.first_seed + u64::from(plan.runs);
@@ -135,23 +105,24 @@ pub fn play(
 
 fn play_run(
     environment: &mut dyn Environment,
-    noise: OpenLoopNoise,
+    noise: RandomActions,
     seed: u64,
     plan: &OpenLoopPlan,
 ) -> OpenLoopRun {
     let width = environment.spec().action_width();
     let mut returns = Vec::with_capacity(plan.episodes as usize);
     let mut actions = vec![0.0; environment.copies() * width];
+    let agent = RandomAgent::new(noise, environment.spec());
+    let (mut scratch, mut log_probs) = (ActScratch::default(), vec![0.0; width]);
     let mut copies: Vec<PlayedCopy> = Vec::new();
     for copy in 0..environment.copies() {
-        let mut played = PlayedCopy::new(environment, noise, seed);
-        played.begin(environment, copy, copy as u32);
-        copies.push(played);
+        copies.push(PlayedCopy::begin(environment, seed, copy, copy as u32));
     }
     let mut next_episode = copies.len() as u32;
     while returns.len() < plan.episodes as usize {
         for (played, action) in copies.iter_mut().zip(actions.chunks_exact_mut(width)) {
-            played.act(action);
+            let random = &mut played.random;
+            agent.act(&[], random, &mut scratch, action, &mut log_probs);
         }
         environment.step(&actions);
         for (copy, played) in copies.iter_mut().enumerate() {
@@ -165,7 +136,7 @@ fn play_run(
             returns.push(played.episode_return);
             played.is_playing = next_episode < plan.episodes;
             if played.is_playing {
-                played.begin(environment, copy, next_episode);
+                *played = PlayedCopy::begin(environment, seed, copy, next_episode);
                 next_episode += 1;
             }
         }
@@ -189,111 +160,21 @@ fn summarize(returns: &[f64], goal: f64) -> OpenLoopRun {
 
 /// A copy of the task, whose episodes have random streams of their own.
 struct PlayedCopy {
-    noise: OpenLoopNoise,
-    seed: u64,
-    random: Stream,
-    components: Vec<Action>,
-    correlated: CorrelatedNoise,
-    numbers: Vec<f32>,
-    /// The present choice of each discrete component, and for how many steps it is repeated.
-    choices: Vec<(f32, u32)>,
-    /// Time between two actions, s.
-    control_step: f32,
+    random: ActionRandom,
     is_playing: bool,
     episode_return: f64,
 }
 
 impl PlayedCopy {
-    fn new(environment: &dyn Environment, noise: OpenLoopNoise, seed: u64) -> Self {
-        let spec = environment.spec();
-        let control_step = spec.control_step as f32;
-        let correlation = match noise {
-            OpenLoopNoise::Uniform | OpenLoopNoise::White => Correlation::White,
-            OpenLoopNoise::Pink => Correlation::Pink {
-                steps: spec.time_limit,
-            },
-            OpenLoopNoise::OrnsteinUhlenbeck(time) => Correlation::OrnsteinUhlenbeck {
-                time: time / control_step,
-            },
-            OpenLoopNoise::Constant => Correlation::Constant,
-        };
+    /// Begins an episode in the copy with this number.
+    fn begin(environment: &mut dyn Environment, seed: u64, copy: usize, episode: u32) -> Self {
+        environment.reset(copy, &mut stream(seed, Purpose::Reset, 0, episode));
         Self {
-            noise,
-            seed,
-            random: stream(seed, Purpose::Trial, 0, 0),
-            components: spec.actions.clone(),
-            correlated: CorrelatedNoise::new(correlation, spec.action_width()),
-            numbers: vec![0.0; spec.action_width()],
-            choices: vec![(0.0, 0); spec.action_width()],
-            control_step,
-            is_playing: false,
+            random: stream(seed, Purpose::Trial, 0, episode).into(),
+            is_playing: true,
             episode_return: 0.0,
         }
     }
-
-    fn begin(&mut self, environment: &mut dyn Environment, copy: usize, episode: u32) {
-        environment.reset(copy, &mut stream(self.seed, Purpose::Reset, 0, episode));
-        self.random = stream(self.seed, Purpose::Trial, 0, episode);
-        self.correlated.begin(&mut self.random);
-        self.choices.fill((0.0, 0));
-        (self.is_playing, self.episode_return) = (true, 0.0);
-    }
-
-    /// Writes the next action.
-    fn act(&mut self, action: &mut [f32]) {
-        self.correlated.write(&mut self.numbers);
-        for (index, action) in action.iter_mut().enumerate() {
-            let [low, high] = self.components[index].quantity.range;
-            *action = match &self.components[index].choice {
-                Choice::Discrete(values) => self.choose(index, values.len()),
-                Choice::Continuous if self.noise == OpenLoopNoise::Uniform => {
-                    self.random.random_range(low..=high)
-                }
-                Choice::Continuous => {
-                    let middle = 0.5 * (low + high);
-                    (middle + 0.5 * (high - low) * self.numbers[index]).clamp(low, high)
-                }
-            };
-        }
-        self.correlated.advance(&mut self.random);
-    }
-
-    fn choose(&mut self, index: usize, choices: usize) -> f32 {
-        let (_, left) = self.choices[index];
-        if left == 0 {
-            let choice = self.random.random_range(0..choices) as f32;
-            self.choices[index] = (choice, self.repeats());
-        }
-        let (choice, left) = &mut self.choices[index];
-        *left = left.saturating_sub(1);
-        *choice
-    }
-
-    /// For how many steps a new choice is repeated.
-    fn repeats(&mut self) -> u32 {
-        match self.noise {
-            OpenLoopNoise::Uniform | OpenLoopNoise::White => 1,
-            OpenLoopNoise::Pink => zeta_of_two(self.random.random()),
-            OpenLoopNoise::OrnsteinUhlenbeck(time) => {
-                // ln(u) / ln(exp(−step/time)) is exponential with mean time/step.
-                let uniform: f32 = 1.0 - self.random.random::<f32>();
-                1 + (-ln(uniform) * time / self.control_step) as u32
-            }
-            OpenLoopNoise::Constant => u32::MAX,
-        }
-    }
-}
-
-/// The number n whose probability is in proportion to 1/n², for a number that is uniform in [0, 1). At most 10,000, which has
-/// the rest of the probability.
-fn zeta_of_two(uniform: f64) -> u32 {
-    let total = std::f64::consts::PI.powi(2) / 6.0;
-    let (mut n, mut below) = (1_u32, 1.0 / total);
-    while uniform >= below && n < 10_000 {
-        n += 1;
-        below += 1.0 / (f64::from(n).powi(2) * total);
-    }
-    n
 }
 
 #[cfg(test)]
@@ -319,15 +200,6 @@ mod tests {
         let pairs = run(2, 5).probability_to_find(2).unwrap();
         assert!((pairs - 0.7).abs() < 1e-12);
         assert_eq!(run(1, 4).probability_to_find(5), None);
-    }
-
-    /// 6/π² = 0.608 for 1, and 0.152 for 2.
-    #[test]
-    fn repeats_have_the_probabilities_of_the_zeta_distribution() {
-        for (uniform, expected) in [(0.0, 1), (0.607, 1), (0.609, 2), (0.759, 2), (0.761, 3)] {
-            assert_eq!(zeta_of_two(uniform), expected, "{uniform}");
-        }
-        assert_eq!(zeta_of_two(1.0 - 1e-12), 10_000);
     }
 
     /// A puck with drag is pushed for 10 s. A constant push of a newtons moves it by about 9a meters. It passes 6 m if
@@ -360,12 +232,12 @@ mod tests {
             let runs = play(&task, noise, &plan).unwrap();
             runs.iter().map(|run| f64::from(run.goals)).sum::<f64>() / 1000.0
         };
-        assert_eq!(share(OpenLoopNoise::White), 0.0);
-        assert_eq!(share(OpenLoopNoise::Uniform), 0.0);
-        let constant = share(OpenLoopNoise::Constant);
+        let [uniform, white, .., slow, constant] = kinds_of_noise()[..] else {
+            panic!("at least four kinds");
+        };
+        assert_eq!((share(white), share(uniform)), (0.0, 0.0));
+        let (slow, constant) = (share(slow), share(constant));
         assert!((constant - 0.505).abs() < 0.065, "{constant}");
-        let slow = share(OpenLoopNoise::OrnsteinUhlenbeck(5.0));
         assert!(slow > 0.05 && slow < constant, "{slow}");
-        assert_eq!(share(OpenLoopNoise::Constant), constant, "the same bits");
     }
 }

@@ -4,7 +4,7 @@ use super::{ActionsArg, CliError, EvaluateArgs, PlayArgs, warn_if_unverified};
 use seedbed::run::evaluate::{self, EvaluationSettings};
 use seedbed::run::folder::run_folder;
 use seedbed_input::numbers::Positive;
-use seedbed_learn::agent::policy::ActionSelection;
+use seedbed_learn::agent::action_selection::ActionSelection;
 
 pub(super) fn evaluate(args: &EvaluateArgs) -> Result<(), CliError> {
     let settings = evaluation_settings(args.episodes, &args.play)?;
@@ -86,6 +86,7 @@ pub(super) fn describe_actions(actions: Option<ActionSelection>) -> String {
     match actions {
         None => "actions chosen as in training".to_owned(),
         Some(ActionSelection::Sampled) => "sampled actions".to_owned(),
+        Some(ActionSelection::Correlated { .. }) => "actions with correlated noise".to_owned(),
         Some(ActionSelection::Greedy) => "greedy actions".to_owned(),
         Some(ActionSelection::Tempered { temperature }) => {
             format!("actions at temperature {}", temperature.get())

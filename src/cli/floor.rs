@@ -5,9 +5,10 @@ use std::path::Path;
 
 use super::{CliError, FloorArgs};
 use seedbed::input_files::{self, Directory};
-use seedbed::open_loop::{self, OpenLoopError, OpenLoopNoise, OpenLoopPlan, OpenLoopRun};
+use seedbed::open_loop::{self, OpenLoopError, OpenLoopPlan, OpenLoopRun};
 use seedbed::storage;
 use seedbed_env::TaskDescription;
+use seedbed_learn::algorithms::random::RandomActions;
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::bootstrap::bootstrap_estimate;
 
@@ -27,7 +28,7 @@ pub(super) fn floor(args: &FloorArgs) -> Result<(), CliError> {
     );
     say!("{}", header(&args.attempts));
     let mut table = csv_header(&args.attempts);
-    for noise in OpenLoopNoise::ALL {
+    for noise in open_loop::kinds_of_noise() {
         let runs = open_loop::play(&task, noise, &plan).map_err(|error| match error {
             OpenLoopError::Task(error) => CliError::from(error),
             OpenLoopError::Environment(_) => CliError::Runtime(error.to_string()),
@@ -80,7 +81,7 @@ fn header(attempts: &[u32]) -> String {
     format!("{columns}\n{rules}|")
 }
 
-fn row(noise: OpenLoopNoise, runs: &[OpenLoopRun], attempts: &[u32]) -> String {
+fn row(noise: RandomActions, runs: &[OpenLoopRun], attempts: &[u32]) -> String {
     let mut cells = format!("| {noise} | {} |", mean_cell(runs, share));
     for &count in attempts {
         let found = |run: &OpenLoopRun| run.probability_to_find(count).unwrap_or(f64::NAN);
@@ -122,7 +123,7 @@ fn csv_header(attempts: &[u32]) -> String {
 
 fn add_csv_rows(
     table: &mut String,
-    noise: OpenLoopNoise,
+    noise: RandomActions,
     runs: &[OpenLoopRun],
     first_seed: u64,
     attempts: &[u32],

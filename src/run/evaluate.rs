@@ -9,7 +9,7 @@ use super::plan::Plan;
 use super::training::Trainer;
 use super::training::{PlayedEpisodes, RoundFailure, RoundPlan};
 use crate::scenario::recording::SceneSettings;
-use seedbed_learn::agent::policy::ActionSelection;
+use seedbed_learn::agent::action_selection::ActionSelection;
 use seedbed_learn::experience::Episode;
 
 /// How policies are evaluated.

@@ -14,7 +14,7 @@ use seedbed::run::measures::RoundRows;
 use seedbed::run::ranks::Ranks;
 use seedbed::run::{Observer, Options, Plan, Progress, execute};
 use seedbed_input::numbers::ranged_number;
-use seedbed_learn::agent::policy::ActionSelection;
+use seedbed_learn::agent::action_selection::ActionSelection;
 use seedbed_learn::experience::Episode;
 
 use super::util::{run_refused, small_run, stderr};

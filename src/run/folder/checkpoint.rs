@@ -60,7 +60,7 @@ pub struct CheckpointError {
 
 const FORMAT: Format = Format {
     kind: *b"ckpt",
-    version: 14,
+    version: 15,
 };
 
 impl Checkpoint {

@@ -5,13 +5,15 @@
 //! in [`algorithms`](crate::algorithms). This module must not depend on files, threads or
 //! recordings.
 
+pub(crate) mod action_random;
+pub mod action_selection;
 pub mod bonus;
 pub(crate) mod critic;
 pub(crate) mod dynamics;
 pub(crate) mod network;
 pub mod network_info;
 pub(crate) mod planning;
-pub mod policy;
+pub(crate) mod policy;
 #[cfg(test)]
 mod policy_reference;
 pub(crate) mod squashed_policy;
@@ -19,6 +21,7 @@ pub(crate) mod squashed_policy;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use self::action_random::ActionRandom;
 use self::bonus::BonusModel;
 use self::planning::PlanningBuffers;
 use crate::experience::{Episode, EpisodeInfo, Experience, StepData};
@@ -27,7 +30,6 @@ use crate::seed::{RewardSeeds, SameInitial};
 use seedbed_env::TaskSpec;
 use seedbed_input::Located;
 use seedbed_input::numbers::{Count, ranged_count, ranged_number};
-use seedbed_random::Stream;
 
 /// One of K agents. `act` takes `&self` and `update` takes an `&Experience`, so that agents can act
 /// in parallel, and can learn in parallel from the same episodes.
@@ -37,7 +39,7 @@ pub trait Agent: Send + Sync {
     fn act(
         &self,
         observation: &[f32],
-        random: &mut Stream,
+        random: &mut ActionRandom,
         scratch: &mut ActScratch,
         action: &mut [f32],
         log_prob: &mut [f32],

@@ -5,40 +5,23 @@
 //! logarithm of a standard deviation, both relative to the action's range: an output of ±1 is an
 //! end of the range. The environment clamps samples beyond the range.
 
-use rand::{Rng, RngExt};
-use rand_distr::{Distribution as _, StandardNormal};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use super::ActScratch;
+use super::action_random::{ActionDraw, ActionRandom};
+use super::action_selection::ActionSelection;
 use super::network::{Descent, Network};
 use super::network_info::{Head, HeadKind};
 use crate::math;
 use crate::nn::{Mlp, Tensor};
+use crate::rl::correlated_noise::CorrelatedNoise;
 use crate::rl::{categorical, gaussian};
 use seedbed_env::{Action, Choice, TaskSpec};
-use seedbed_input::numbers::Positive;
-
-/// How an action is chosen from the policy's distribution.
-#[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum ActionSelection {
-    /// Sampled from the policy's distribution.
-    Sampled,
-    /// Sampled from π^{1/τ} / Σ π^{1/τ}, which is 𝒩(μ, τσ²) for a Gaussian. Importance ratios are
-    /// relative to this distribution.
-    Tempered {
-        /// Temperature τ: below 1 is greedier than the policy, above 1 is more random.
-        temperature: Positive,
-    },
-    /// The most likely discrete action, or the mean of a continuous one.
-    Greedy,
-}
 
 /// A policy over actions of C components.
 pub(crate) struct Policy {
     network: Network,
     selection: ActionSelection,
+    /// The noise of `ActionSelection::Correlated`.
+    noise: Option<CorrelatedNoise>,
     components: Vec<Component>,
     /// Outputs of the network for the latest evaluated rows, with log-probabilities in place of
     /// logits: `[N × outputs]`.
@@ -144,6 +127,7 @@ impl Policy {
         Self {
             network,
             selection,
+            noise: selection.noise(spec),
             components,
             outputs: Vec::new(),
             probabilities: Vec::new(),
@@ -156,7 +140,7 @@ impl Policy {
     pub(crate) fn sample(
         &self,
         observation: &[f32],
-        random: &mut impl Rng,
+        random: &mut ActionRandom,
         scratch: &mut ActScratch,
         action: &mut [f32],
         log_prob: &mut [f32],
@@ -168,10 +152,11 @@ impl Policy {
         );
         scratch.outputs.clear();
         scratch.outputs.extend_from_slice(outputs);
+        let mut draw = random.begin_action(self.noise.as_ref(), self.components.len());
         for ((component, action), log_prob) in self.components.iter().zip(action).zip(log_prob) {
             let outputs = component.slice_mut(&mut scratch.outputs);
             component.normalize(outputs);
-            (*action, *log_prob) = component.choose(outputs, self.selection, random);
+            (*action, *log_prob) = component.choose(outputs, self.selection, &mut draw);
         }
     }
 
@@ -341,23 +326,20 @@ impl Component {
         &self,
         outputs: &mut [f32],
         selection: ActionSelection,
-        random: &mut impl Rng,
+        draw: &mut ActionDraw<'_>,
     ) -> (f32, f32) {
         match self.distribution {
-            ComponentDistribution::Categorical { .. } => {
-                choose_category(outputs, selection, random)
-            }
+            ComponentDistribution::Categorical { .. } => choose_category(outputs, selection, draw),
             ComponentDistribution::Gaussian { .. } => {
                 let (mean, log_deviation) = self.moments(outputs);
                 let log_deviation = match selection {
-                    ActionSelection::Sampled => log_deviation,
+                    ActionSelection::Sampled | ActionSelection::Correlated { .. } => log_deviation,
                     ActionSelection::Tempered { temperature } => {
                         log_deviation + 0.5 * math::ln(temperature.get_f32())
                     }
                     ActionSelection::Greedy => return (mean, 0.0),
                 };
-                let standard: f32 = StandardNormal.sample(random);
-                let action = math::exp(log_deviation) * standard + mean;
+                let action = math::exp(log_deviation) * draw.normal() + mean;
                 (action, gaussian::log_density(action, mean, log_deviation))
             }
         }
@@ -454,16 +436,16 @@ impl Component {
 fn choose_category(
     log_probs: &mut [f32],
     selection: ActionSelection,
-    random: &mut impl Rng,
+    draw: &mut ActionDraw<'_>,
 ) -> (f32, f32) {
     match selection {
-        ActionSelection::Sampled => {}
+        ActionSelection::Sampled | ActionSelection::Correlated { .. } => {}
         ActionSelection::Tempered { temperature } => {
             categorical::temper(log_probs, temperature.get_f32());
         }
         ActionSelection::Greedy => return (categorical::most_likely(log_probs) as f32, 0.0),
     }
-    let choice = categorical::choose(log_probs, random.random());
+    let choice = categorical::choose(log_probs, draw.uniform());
     (choice as f32, log_probs[choice])
 }
 
@@ -475,6 +457,7 @@ fn has_deviation_gradient(output: f32, initial_log_deviation: f32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::agent::action_selection::ActionNoise;
     use crate::nn::{AdamSettings, Initial};
     use seedbed_env::Quantity;
     use seedbed_input::numbers::ranged_number;
@@ -610,7 +593,7 @@ mod tests {
         let (mut action, mut log_prob) = ([0.0; 3], [0.0; 3]);
         mixed_policy(selection).sample(
             &STATE,
-            &mut stream(5, Purpose::Action, 0, 0),
+            &mut stream(5, Purpose::Action, 0, 0).into(),
             &mut ActScratch::default(),
             &mut action,
             &mut log_prob,
@@ -660,12 +643,60 @@ mod tests {
         );
     }
 
+    /// One number for a whole episode: an action that changes only with the state, and between episodes has the frequencies
+    /// and moments of independent ones, with the same log-probabilities. Tolerances are four standard errors of 4,000 episodes.
+    #[test]
+    fn correlated_actions_have_the_distribution_of_the_policy() {
+        let noise = ActionNoise::Constant;
+        let policy = mixed_policy(ActionSelection::Correlated { noise });
+        let mut random = ActionRandom::from(stream(5, Purpose::Action, 0, 0));
+        let mut scratch = ActScratch::default();
+        let (mut choices, mut deviations) = ([0.0_f32; 3], Vec::new());
+        let mut evaluated = mixed_policy(ActionSelection::Sampled);
+        for _ in 0..4000 {
+            random.begin_episode();
+            let (mut action, mut log_prob) = ([0.0; 3], [0.0; 3]);
+            policy.sample(
+                &STATE,
+                &mut random,
+                &mut scratch,
+                &mut action,
+                &mut log_prob,
+            );
+            let (mut again, mut log_probs) = ([0.0; 3], Vec::new());
+            policy.sample(&STATE, &mut random, &mut scratch, &mut again, &mut log_prob);
+            assert_eq!(action, again);
+            evaluated.evaluate(&STATE, &action, &mut log_probs);
+            assert!(
+                log_probs
+                    .iter()
+                    .zip(log_prob)
+                    .all(|(a, b)| (a - b).abs() < 1e-4)
+            );
+            choices[action[0] as usize] += 1.0;
+            let (mean, log_deviation) =
+                evaluated.components[1].moments(evaluated.components[1].slice(&evaluated.outputs));
+            deviations.push((action[1] - mean) / log_deviation.exp());
+        }
+        for (count, log_prob) in choices.iter().zip(&evaluated.outputs) {
+            let share = log_prob.exp();
+            let error = (share * (1.0 - share) / 4000.0).sqrt();
+            assert!((count / 4000.0 - share).abs() < 4.0 * error, "{choices:?}");
+        }
+        let mean = deviations.iter().sum::<f32>() / 4000.0;
+        let square = deviations.iter().map(|number| number * number).sum::<f32>() / 4000.0;
+        assert!(
+            mean.abs() < 0.064 && (square - 1.0).abs() < 0.09,
+            "{mean} {square}"
+        );
+    }
+
     /// Sampled actions have the log-probabilities that `evaluate` computes, and the mean and the
     /// standard deviation of the distribution.
     #[test]
     fn samples_agree_with_evaluation() {
         let mut policy = mixed_policy(ActionSelection::Sampled);
-        let mut random = stream(5, Purpose::Action, 0, 0);
+        let mut random = stream(5, Purpose::Action, 0, 0).into();
         let mut scratch = ActScratch::default();
         let (mut actions, mut log_probs) = (vec![0.0; 3 * 4000], vec![0.0; 3 * 4000]);
         for (action, log_prob) in actions

@@ -3,8 +3,9 @@
 
 use serde::Deserialize;
 
+use super::action_selection::ActionSelection;
 use super::network::{Descent, Network};
-use super::policy::{ActionSelection, Policy, network_shape};
+use super::policy::{Policy, network_shape};
 use crate::nn::AdamSettings;
 use crate::rl::policy_loss;
 use seedbed_env::{Action, Choice, Quantity, TaskSpec};

@@ -7,9 +7,10 @@
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution as _, StandardNormal};
 
+use super::action_random::ActionDraw;
+use super::action_selection::ActionSelection;
 use super::network::{Descent, Network};
 use super::network_info::{Head, HeadKind};
-use super::policy::ActionSelection;
 use crate::math;
 use crate::nn::{Activation, Mlp, Tensor};
 use crate::rl::squashed_gaussian::{self, LOG_DEVIATION_BOUNDS, squash};
@@ -109,14 +110,14 @@ impl ActionRanges {
         &self,
         outputs: &[f32],
         selection: ActionSelection,
-        random: &mut impl Rng,
+        draw: &mut ActionDraw<'_>,
         (action, log_prob): (&mut [f32], &mut [f32]),
     ) {
         let components = action.iter_mut().zip(log_prob).zip(&self.0);
         for (((action, log_prob), [center, half_range]), outputs) in
             components.zip(outputs.as_chunks::<2>().0)
         {
-            let (relative, density) = choose_component(*outputs, selection, random);
+            let (relative, density) = choose_component(*outputs, selection, draw);
             *action = half_range.mul_add(relative, *center);
             *log_prob = density.map_or(0.0, |density| density - math::ln(*half_range));
         }
@@ -127,16 +128,15 @@ impl ActionRanges {
 fn choose_component(
     [mean, output]: [f32; 2],
     selection: ActionSelection,
-    random: &mut impl Rng,
+    draw: &mut ActionDraw<'_>,
 ) -> (f32, Option<f32>) {
     let scale = match selection {
         ActionSelection::Greedy => return (squash(mean), None),
-        ActionSelection::Sampled => 0.0,
+        ActionSelection::Sampled | ActionSelection::Correlated { .. } => 0.0,
         ActionSelection::Tempered { temperature } => 0.5 * math::ln(temperature.get_f32()),
     };
     let log_deviation = squashed_gaussian::clamp(output) + scale;
-    let noise: f32 = StandardNormal.sample(random);
-    let (action, log_density) = squashed_gaussian::sample_one(mean, log_deviation, noise);
+    let (action, log_density) = squashed_gaussian::sample_one(mean, log_deviation, draw.normal());
     (action, Some(log_density))
 }
 

@@ -11,9 +11,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::AlgorithmConfig;
+use crate::agent::action_selection::ActionSelection;
 use crate::agent::network::Network;
 use crate::agent::network_info::{ModelInfo, NetworkInfo, OutputTerm, ScalingInfo, setting_text};
-use crate::agent::policy::{self, ActionSelection, Policy};
+use crate::agent::policy::{self, Policy};
 use crate::agent::{ActScratch, UpdateReport};
 use crate::experience::Episode;
 use crate::nn::{Activation, AdamSettings, Mlp, Tensor, network_tensors};

@@ -25,9 +25,9 @@ use super::seed_pg::config::{
     AdvantageEstimate, Clipping, Data, Minibatch, PolicyLoss, ReturnNormalization, SeedPg, Sharing,
     Standardization, TimeLimit, VTrace, ValueTarget,
 };
+use crate::agent::action_selection::ActionSelection;
 use crate::agent::bonus::Bonus;
 use crate::agent::network_info::NetworkInfo;
-use crate::agent::policy::ActionSelection;
 use crate::nn::AdamSettings;
 use crate::scaling::ObservationScaling;
 use crate::team::{IndependentLearners, Team, TeamContext};

@@ -17,9 +17,9 @@ pub mod value_based;
 use serde::{Deserialize, Serialize};
 
 use crate::agent::TeamConfig;
+use crate::agent::action_selection::ActionSelection;
 use crate::agent::bonus::Bonus;
 use crate::agent::network_info::{NetworkInfo, PlannerInfo};
-use crate::agent::policy::ActionSelection;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::Count;

@@ -1,30 +1,77 @@
-//! Uniformly random actions: the baseline for learning algorithms.
+//! Random actions, which do not depend on what an agent sees: the baseline for learning algorithms, and what a task of
+//! exploration must be hard for.
+
+use std::fmt;
 
 use rand::RngExt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{AlgorithmConfig, ScheduleError, ScheduleKind};
-use crate::agent::{ActScratch, Agent, Update, UpdateReport};
+use crate::agent::action_random::{ActionDraw, draw_duration};
+use crate::agent::action_selection::ActionNoise;
+use crate::agent::{ActScratch, ActionRandom, Agent, Update, UpdateReport};
 use crate::experience::Experience;
 use crate::math::ln;
 use crate::nn::Tensor;
+use crate::rl::correlated_noise::{CorrelatedNoise, Correlation};
+use crate::rl::gaussian;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::{Action, Choice, TaskSpec};
-use seedbed_random::Stream;
 
-/// Uniformly random actions: the baseline for learning algorithms.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
-pub struct Random {}
+/// Random actions, which do not depend on what an agent sees: the baseline for learning algorithms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Random {
+    /// How actions are drawn.
+    pub actions: RandomActions,
+}
+
+/// How random actions are drawn. With noise, a continuous action is the middle of its range plus half of the range times
+/// noise of mean 0 and variance 1, and is kept in its range; a discrete action is drawn uniformly and then repeated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum RandomActions {
+    /// Uniformly over the range or the choices in each step.
+    #[default]
+    Uniform,
+    /// With white noise; a new choice in each step.
+    White,
+    /// With noise that is correlated over the steps of an episode. `Pink`: choices are repeated for n steps with a
+    /// probability in proportion to 1/n² (Dabney et al. 2021); `OrnsteinUhlenbeck(time: …)`, with a time in s: they are kept
+    /// with probability exp(−step/time); `Constant`: one action for a whole episode.
+    Correlated {
+        /// How the noise is correlated.
+        noise: ActionNoise,
+    },
+}
 
 impl Random {
-    /// The only configuration: the algorithm has no parameters.
-    pub const DEFAULT: Self = Self {};
+    /// Uniformly random actions.
+    pub const DEFAULT: Self = Self {
+        actions: RandomActions::Uniform,
+    };
+}
+
+impl fmt::Display for RandomActions {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Uniform => formatter.write_str("uniform"),
+            Self::White => formatter.write_str("white"),
+            Self::Correlated { noise } => match noise {
+                ActionNoise::Pink => formatter.write_str("pink"),
+                ActionNoise::OrnsteinUhlenbeck { time } => {
+                    write!(formatter, "Ornstein-Uhlenbeck, {} s", time.get())
+                }
+                ActionNoise::Constant => formatter.write_str("one action per episode"),
+            },
+        }
+    }
 }
 
 impl AlgorithmConfig for Random {
     fn build(&self, context: &TeamContext<'_>) -> Box<dyn Team> {
-        IndependentLearners::build(context, |agent| RandomAgent::new(agent.spec))
+        IndependentLearners::build(context, |agent| RandomAgent::new(self.actions, agent.spec))
     }
 
     fn check_schedule(&self, _: ScheduleKind) -> Result<(), ScheduleError> {
@@ -36,18 +83,73 @@ impl AlgorithmConfig for Random {
     }
 }
 
-/// An agent that chooses actions uniformly at random and does not learn.
+/// An agent that chooses actions at random and does not learn.
 pub struct RandomAgent {
+    draws: RandomActions,
+    /// The noise of continuous actions, unless they are uniform.
+    noise: Option<CorrelatedNoise>,
     actions: Vec<Action>,
+    /// Time between two actions, s.
+    control_step: f32,
 }
 
 impl RandomAgent {
     /// A random agent for a task.
     #[must_use]
-    pub fn new(spec: &TaskSpec) -> Self {
+    pub fn new(draws: RandomActions, spec: &TaskSpec) -> Self {
+        let has_continuous = spec
+            .actions
+            .iter()
+            .any(|action| action.choice == Choice::Continuous);
+        let noise = match draws {
+            RandomActions::Uniform => None,
+            RandomActions::White => Some(CorrelatedNoise::new(Correlation::White)),
+            RandomActions::Correlated { noise } => Some(noise.for_task(spec)),
+        };
         Self {
+            draws,
+            noise: noise.filter(|_| has_continuous),
             actions: spec.actions.clone(),
+            control_step: spec.control_step as f32,
         }
+    }
+
+    /// The index of a choice, which may be repeated in the next steps.
+    fn choose(&self, component: usize, choices: usize, random: &mut ActionRandom) -> usize {
+        random.repeated_choice(component).unwrap_or_else(|| {
+            let choice = random.stream.random_range(0..choices);
+            let duration = self.duration(random);
+            random.repeat(component, choice, duration - 1);
+            choice
+        })
+    }
+
+    /// For how many steps a new choice is made.
+    fn duration(&self, random: &mut ActionRandom) -> u32 {
+        match self.draws {
+            RandomActions::Uniform | RandomActions::White => 1,
+            RandomActions::Correlated { noise } => match noise {
+                ActionNoise::Pink => draw_duration(&mut random.stream),
+                ActionNoise::OrnsteinUhlenbeck { time } => {
+                    // ln(u) / ln(exp(−step/time)) is exponential with mean time/step.
+                    let uniform: f32 = 1.0 - random.stream.random::<f32>();
+                    1 + (-ln(uniform) * time.get_f32() / self.control_step) as u32
+                }
+                ActionNoise::Constant => u32::MAX,
+            },
+        }
+    }
+
+    /// A continuous action and the logarithm of its density, before it is kept in its range.
+    fn draw(&self, [low, high]: [f32; 2], draw: &mut ActionDraw<'_>) -> (f32, f32) {
+        let half = 0.5 * (high - low);
+        if self.draws == RandomActions::Uniform {
+            let action = draw.stream().random_range(low..=high);
+            return (action, -ln(high - low));
+        }
+        let normal = draw.normal();
+        let action = (0.5 * (low + high) + half * normal).clamp(low, high);
+        (action, gaussian::log_density(normal, 0.0, 0.0) - ln(half))
     }
 }
 
@@ -55,26 +157,30 @@ impl Agent for RandomAgent {
     fn act(
         &self,
         _: &[f32],
-        random: &mut Stream,
+        random: &mut ActionRandom,
         _: &mut ActScratch,
         action: &mut [f32],
         log_prob: &mut [f32],
     ) {
-        for ((action, log_prob), component) in action.iter_mut().zip(log_prob).zip(&self.actions) {
-            *action = match &component.choice {
-                Choice::Discrete(values) => random.random_range(0..values.len()) as f32,
-                Choice::Continuous => {
-                    random.random_range(component.quantity.range[0]..=component.quantity.range[1])
-                }
-            };
-            *log_prob = -entropy(component);
+        for (index, component) in self.actions.iter().enumerate() {
+            if let Choice::Discrete(values) = &component.choice {
+                action[index] = self.choose(index, values.len(), random) as f32;
+                log_prob[index] = -entropy(component);
+            }
+        }
+        let mut draw = random.begin_action(self.noise.as_ref(), self.actions.len());
+        for (index, component) in self.actions.iter().enumerate() {
+            if component.choice == Choice::Continuous {
+                (action[index], log_prob[index]) = self.draw(component.quantity.range, &mut draw);
+            }
         }
     }
 
     fn update(&mut self, _: &Experience<'_>) -> Update {
-        let entropy = self.actions.iter().map(entropy).sum();
+        let is_uniform = self.draws == RandomActions::Uniform;
+        let entropy = is_uniform.then(|| self.actions.iter().map(entropy).sum());
         Update::from(UpdateReport {
-            entropy: Some(entropy),
+            entropy,
             ..UpdateReport::default()
         })
     }

@@ -13,6 +13,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::AlgorithmConfig;
+use crate::agent::action_selection::ActionSelection;
 use crate::agent::bonus::SHARED_OWNER;
 use crate::agent::dynamics::transitions::{ActionEncoding, Targets, TransitionEncoder};
 use crate::agent::dynamics::{DynamicsModel, ModelShape, fill_normal};
@@ -20,7 +21,6 @@ use crate::agent::network_info::{PlannerInfo, setting_text};
 use crate::agent::planning::Plan;
 use crate::agent::planning::imagination::{Imagination, ModelUnits};
 use crate::agent::planning::search::{Search, SearchSettings};
-use crate::agent::policy::ActionSelection;
 use crate::agent::{ActScratch, TeamConfig, UpdateReport};
 use crate::experience::{Episode, EpisodeInfo};
 use crate::nn::{AdamSettings, BayesianSettings, Tensor, network_tensors};
@@ -417,7 +417,7 @@ impl Team for SeedPsrlTeam {
             self.choose(
                 planner,
                 &request.observations[observation],
-                &mut request.random[agent],
+                &mut request.random[agent].stream,
                 scratch,
                 &mut request.actions[action],
             );

@@ -35,54 +35,48 @@ pub enum Correlation {
     Constant,
 }
 
-/// Noise for the components of an action.
-#[derive(Clone, Debug)]
+/// Noise for the components of an action. Its state, which changes in each step, is kept by its user: `[components × N]`.
+#[derive(Clone, Debug, PartialEq)]
 pub struct CorrelatedNoise {
     /// ρ and √(1 − ρ²) of each process: `[N]`.
     processes: Vec<(f32, f32)>,
-    /// `[components × N]`
-    state: Vec<f32>,
 }
 
 impl CorrelatedNoise {
-    /// Noise of `components` numbers, which are independent of each other.
+    /// Noise whose components are independent of each other.
     #[must_use]
-    pub fn new(correlation: Correlation, components: usize) -> Self {
+    pub fn new(correlation: Correlation) -> Self {
         let kept = match correlation {
             Correlation::White => vec![0.0],
             Correlation::Pink { steps } => pink_shares(steps),
             Correlation::OrnsteinUhlenbeck { time } => vec![math::exp(-1.0 / time)],
             Correlation::Constant => vec![1.0],
         };
-        let processes: Vec<(f32, f32)> = kept
-            .into_iter()
-            .map(|share| (share, (1.0 - share * share).sqrt()))
-            .collect();
+        let with_added = |share: f32| (share, (1.0 - share * share).sqrt());
         Self {
-            state: vec![0.0; components * processes.len()],
-            processes,
+            processes: kept.into_iter().map(with_added).collect(),
         }
     }
 
-    /// Begins an episode.
-    pub fn begin(&mut self, random: &mut impl Rng) {
-        for x in &mut self.state {
-            *x = StandardNormal.sample(random);
+    /// Begins an episode: draws the state.
+    pub fn begin(&self, components: usize, state: &mut Vec<f32>, random: &mut impl Rng) {
+        state.clear();
+        for _ in 0..components * self.processes.len() {
+            state.push(StandardNormal.sample(random));
         }
     }
 
-    /// The noise of the present step.   → `noise: [components]`
-    pub fn write(&self, noise: &mut [f32]) {
+    /// The noise of one component in the present step.
+    #[must_use]
+    pub fn component(&self, index: usize, state: &[f32]) -> f32 {
         let count = self.processes.len();
-        let scale = 1.0 / (count as f32).sqrt();
-        for (number, processes) in noise.iter_mut().zip(self.state.chunks_exact(count)) {
-            *number = scale * processes.iter().sum::<f32>();
-        }
+        let processes = &state[index * count..(index + 1) * count];
+        processes.iter().sum::<f32>() / (count as f32).sqrt()
     }
 
     /// Goes on to the next step.
-    pub fn advance(&mut self, random: &mut impl Rng) {
-        for processes in self.state.chunks_exact_mut(self.processes.len()) {
+    pub fn advance(&self, state: &mut [f32], random: &mut impl Rng) {
+        for processes in state.chunks_exact_mut(self.processes.len()) {
             for (x, &(kept, added)) in processes.iter_mut().zip(&self.processes) {
                 let white: f32 = StandardNormal.sample(random);
                 *x = kept * *x + added * white;
@@ -106,16 +100,15 @@ mod tests {
 
     /// Episodes of noise of one component: `[episodes][steps]`.
     fn episodes(correlation: Correlation, count: u32, steps: usize) -> Vec<Vec<f64>> {
-        let mut noise = CorrelatedNoise::new(correlation, 1);
+        let noise = CorrelatedNoise::new(correlation);
         let episode = |number| {
             let mut random = stream(7, Purpose::Trial, 0, number);
-            noise.begin(&mut random);
+            let mut state = Vec::new();
+            noise.begin(1, &mut state, &mut random);
             let mut numbers = Vec::with_capacity(steps);
             for _ in 0..steps {
-                let mut number = [0.0];
-                noise.write(&mut number);
-                numbers.push(f64::from(number[0]));
-                noise.advance(&mut random);
+                numbers.push(f64::from(noise.component(0, &state)));
+                noise.advance(&mut state, &mut random);
             }
             numbers
         };

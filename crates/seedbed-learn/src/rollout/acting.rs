@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::agent::ActScratch;
+use crate::agent::{ActScratch, ActionRandom};
 use crate::experience::Episode;
 use crate::team::{ActionRequest, Team};
-use seedbed_random::{Purpose, Stream, stream};
+use seedbed_random::{Purpose, stream};
 
 /// An agent that may be playing an episode.
 pub trait Player {
@@ -18,8 +18,8 @@ pub trait Player {
 /// Consecutive agents of a team that choose their actions together.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct ActingAgents {
-    /// The stream from which each agent draws its actions: `[agents]`.
-    streams: Vec<Stream>,
+    /// What each agent draws its actions from: `[agents]`.
+    random: Vec<ActionRandom>,
     #[serde(skip)]
     buffers: StepBuffers,
 }
@@ -53,8 +53,8 @@ impl ActingAgents {
     #[must_use]
     pub fn new(run_seed: u64, agents: Range<u32>, round: u32) -> Self {
         Self {
-            streams: agents
-                .map(|agent| stream(run_seed, Purpose::Action, agent, round))
+            random: agents
+                .map(|agent| stream(run_seed, Purpose::Action, agent, round).into())
                 .collect(),
             buffers: StepBuffers::default(),
         }
@@ -62,14 +62,14 @@ impl ActingAgents {
 
     /// Gives each agent the stream of `round`. `first_agent`: number of the group's first agent
     pub fn begin_round(&mut self, run_seed: u64, first_agent: u32, round: u32) {
-        for (index, agent) in (0..self.streams.len()).zip(first_agent..) {
+        for (index, agent) in (0..self.random.len()).zip(first_agent..) {
             self.renew(index, run_seed, agent, round);
         }
     }
 
     /// Gives one agent the stream of `round`. `index`: that of the agent in the group
     pub fn renew(&mut self, index: usize, run_seed: u64, agent: u32, round: u32) {
-        self.streams[index] = stream(run_seed, Purpose::Action, agent, round);
+        self.random[index].stream = stream(run_seed, Purpose::Action, agent, round);
     }
 
     /// All playing agents choose their next actions, which are added to their episodes: `[agents ×
@@ -82,13 +82,18 @@ impl ActingAgents {
     ) -> &[f32] {
         let buffers = &mut self.buffers;
         buffers.begin_step(step.action_width, agents);
+        for (random, &steps) in self.random.iter_mut().zip(&buffers.steps) {
+            if steps == 0 {
+                random.begin_episode();
+            }
+        }
         let mut request = ActionRequest {
             first_agent: step.first_agent as usize,
             unreported_steps: step.unreported_steps,
             steps: &buffers.steps,
             observations: step.observations,
             playing: &buffers.playing,
-            random: &mut self.streams,
+            random: &mut self.random,
             actions: &mut buffers.actions,
             log_probs: &mut buffers.log_probs,
         };

@@ -18,12 +18,11 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::agent::{ActScratch, AgentContext, TeamConfig, Update};
+use crate::agent::{ActScratch, ActionRandom, AgentContext, TeamConfig, Update};
 use crate::experience::replay::Replay;
 use crate::experience::{Episode, EpisodeInfo};
 use crate::nn::Tensor;
 use seedbed_env::TaskSpec;
-use seedbed_random::Stream;
 
 pub(crate) use bonuses::{HasBonusModel, mean_bonus, update_bonus_models};
 pub use independent::IndependentLearners;
@@ -164,8 +163,8 @@ pub struct ActionRequest<'a> {
     pub observations: &'a [f32],
     /// Whether each agent plays; rows of other agents are ignored: `[agents]`.
     pub playing: &'a [bool],
-    /// Random streams from which the agents draw their actions: `[agents]`.
-    pub random: &'a mut [Stream],
+    /// What the agents draw their actions from: `[agents]`.
+    pub random: &'a mut [ActionRandom],
     /// Output: the actions of the agents for which `playing` is true. A discrete action is the index
     /// of its value: `[agents × action width]`.
     pub actions: &'a mut [f32],

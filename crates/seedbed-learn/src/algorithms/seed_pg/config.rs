@@ -5,10 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use super::SeedPgAgent;
 use super::common_settings::{configuration, with_common_settings};
+use crate::agent::action_selection::ActionSelection;
 use crate::agent::bonus::Bonus;
 use crate::agent::network::Network;
 use crate::agent::network_info::{NetworkInfo, OutputTerm, ScalingInfo, setting_text};
-use crate::agent::policy::{self, ActionSelection};
+use crate::agent::policy;
 use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
 use crate::nn::{Activation, AdamSettings};
 use crate::scaling::ObservationScaling;

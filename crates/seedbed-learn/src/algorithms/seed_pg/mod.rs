@@ -27,7 +27,7 @@ use self::totals::Totals;
 use crate::agent::bonus::BonusModel;
 use crate::agent::network::{Descent, LearnedState, Network};
 use crate::agent::policy::{self, Policy};
-use crate::agent::{ActScratch, Agent, AgentContext, Update};
+use crate::agent::{ActScratch, ActionRandom, Agent, AgentContext, Update};
 use crate::experience::{Episode, EpisodeInfo, Experience};
 use crate::nn::{Mlp, PopArt, Standardizer, Tensor};
 use crate::scaling::Scaling;
@@ -235,7 +235,7 @@ impl Agent for SeedPgAgent {
     fn act(
         &self,
         observation: &[f32],
-        random: &mut Stream,
+        random: &mut ActionRandom,
         scratch: &mut ActScratch,
         action: &mut [f32],
         log_prob: &mut [f32],

@@ -4,6 +4,7 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
+use crate::agent::ActionRandom;
 use crate::agent::planning::imagination::ImaginationBuffers;
 use crate::team::{Learner, LearningTiming};
 use seedbed_env::{Action, Quantity, Status};
@@ -55,8 +56,8 @@ fn team_of(
 fn act(team: &SeedPsrlTeam, states: &[f32], step: u32) -> Vec<f32> {
     let count = states.len();
     let agents = team.local_agents();
-    let mut random: Vec<Stream> = agents
-        .map(|agent| stream(3, Purpose::Action, agent, step))
+    let mut random: Vec<ActionRandom> = agents
+        .map(|agent| stream(3, Purpose::Action, agent, step).into())
         .collect();
     let (mut actions, mut log_probs) = (vec![9.0; count], vec![9.0; count]);
     let mut request = ActionRequest {

@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use super::SoftTeam;
 use crate::agent::TeamConfig;
+use crate::agent::action_selection::ActionSelection;
 use crate::agent::bonus::Bonus;
 use crate::agent::critic::Critic;
 use crate::agent::network::{Descent, Network};
 use crate::agent::network_info::{ModelInfo, NetworkInfo, OutputTerm, ScalingInfo, setting_text};
-use crate::agent::policy::ActionSelection;
 use crate::agent::squashed_policy;
 use crate::algorithms::seed_pg::config::TimeLimit;
 use crate::algorithms::value_based::config::{check_bonus, check_replay};

@@ -4,13 +4,14 @@ use std::ops::Range;
 
 use super::config::SeedSac;
 use super::{LearningContext, SoftLearner};
+use crate::agent::action_selection::ActionSelection;
 use crate::agent::bonus::{Bonus, BonusModel, SHARED_OWNER};
-use crate::agent::policy::ActionSelection;
 use crate::agent::squashed_policy::ActionRanges;
 use crate::agent::{ActScratch, Update, UpdateReport};
 use crate::experience::replay::Replay;
 use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Standardizer, Tensor};
+use crate::rl::correlated_noise::CorrelatedNoise;
 use crate::scaling::Scaling;
 use crate::team::{
     ActionRequest, AgentUpdate, LearningClock, LearningRequest, LocalModels, SavedProgress,
@@ -21,6 +22,8 @@ use crate::team::{
 pub struct SoftTeam {
     config: SeedSac,
     ranges: ActionRanges,
+    /// The noise of `ActionSelection::Correlated`.
+    noise: Option<CorrelatedNoise>,
     scaling: Scaling,
     learners: Vec<SoftLearner>,
     local: LocalModels,
@@ -41,6 +44,7 @@ impl SoftTeam {
         let capacity = config.replay.get() as usize;
         Self {
             ranges: ActionRanges::of_task(context.spec),
+            noise: config.actions.noise(context.spec),
             scaling: Scaling::new(config.observations, context.spec),
             learners: (0..learners as u32)
                 .map(|number| SoftLearner::new(config, &context.agent_context(number)))
@@ -91,8 +95,9 @@ impl SoftTeam {
                     &mut request.log_probs[action],
                 );
                 let random = &mut request.random[row];
+                let mut draw = random.begin_action(self.noise.as_ref(), action_width);
                 self.ranges
-                    .choose(outputs, self.config.actions, random, chosen);
+                    .choose(outputs, self.config.actions, &mut draw, chosen);
             }
         }
     }
@@ -105,7 +110,8 @@ impl SoftTeam {
                 let action = row * width..(row + 1) * width;
                 let log_prob = &mut request.log_probs[action.clone()];
                 let action = &mut request.actions[action];
-                self.ranges.choose_uniformly(random, action, log_prob);
+                self.ranges
+                    .choose_uniformly(&mut random.stream, action, log_prob);
             }
         }
     }

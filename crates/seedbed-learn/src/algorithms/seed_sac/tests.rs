@@ -545,7 +545,7 @@ fn learned_action(config: &SeedSac, agents: u32, steps: u32) -> (Vec<f32>, f32) 
         },
         ..config.clone()
     };
-    config.set_action_selection(crate::agent::policy::ActionSelection::Greedy);
+    config.set_action_selection(crate::agent::action_selection::ActionSelection::Greedy);
     let mut team = team(&config, &team_config(agents, 0.0), &episodes);
     team.begin_round(0);
     team.end_step(Workers::CURRENT_THREAD);
@@ -556,7 +556,7 @@ fn learned_action(config: &SeedSac, agents: u32, steps: u32) -> (Vec<f32>, f32) 
         steps: &[0],
         observations: &[1.0, 0.0, 0.0],
         playing: &[true],
-        random: &mut [stream(0, Purpose::Action, 0, 0)],
+        random: &mut [stream(0, Purpose::Action, 0, 0).into()],
         actions: &mut actions,
         log_probs: &mut log_probs,
     };

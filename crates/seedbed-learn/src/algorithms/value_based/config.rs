@@ -8,10 +8,10 @@ use super::exploration::Exploration;
 use super::index::IndexSettings;
 use super::{ValueTeam, choice_count};
 use crate::agent::TeamConfig;
+use crate::agent::action_selection::ActionSelection;
 use crate::agent::bonus::Bonus;
 use crate::agent::network::Network;
 use crate::agent::network_info::{self, ModelInfo, NetworkInfo, OutputTerm, ScalingInfo};
-use crate::agent::policy::ActionSelection;
 use crate::algorithms::seed_pg::config::TimeLimit;
 use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
 use crate::experience::replay::Replay;
@@ -524,7 +524,7 @@ impl Exploration {
     #[must_use]
     pub(super) fn with_actions(self, actions: ActionSelection) -> Self {
         match actions {
-            ActionSelection::Sampled => self,
+            ActionSelection::Sampled | ActionSelection::Correlated { .. } => self,
             ActionSelection::Tempered { temperature } => Self::Gibbs { temperature },
             ActionSelection::Greedy => Self::Greedy,
         }

@@ -1,9 +1,11 @@
 //! Exploration: how an action is chosen from the values of all choices (thesis §1.4.2).
 
-use rand::{Rng, RngExt};
+use rand::RngExt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::agent::ActionRandom;
+use crate::agent::action_random::draw_duration;
 use crate::math;
 use crate::rl::{categorical, q_learning};
 use seedbed_input::numbers::{Count, Fraction, NonNegative, Positive, ranged_number};
@@ -16,6 +18,16 @@ pub enum Exploration {
     Greedy,
     /// With probability ε a uniformly random action, otherwise the one with the largest value.
     EpsilonGreedy {
+        /// Initial ε.
+        from: Fraction,
+        /// Final ε.
+        to: Fraction,
+        /// Number of steps of each agent over which ε changes linearly.
+        steps: Count<1_000_000_000>,
+    },
+    /// εz-greedy (Dabney et al. 2021): as `EpsilonGreedy`, but a random action is repeated for n steps with a
+    /// probability in proportion to 1/n², at most to the end of the episode.
+    EpsilonZGreedy {
         /// Initial ε.
         from: Fraction,
         /// Final ε.
@@ -64,7 +76,10 @@ impl Exploration {
     pub(super) fn log_probs(self, chooser: Chooser, values: &mut [f32]) {
         match self {
             Self::Gibbs { temperature } => q_learning::gibbs(values, temperature.get_f32()),
-            Self::Greedy | Self::EpsilonGreedy { .. } | Self::EpsilonLadder { .. } => {
+            Self::Greedy
+            | Self::EpsilonGreedy { .. }
+            | Self::EpsilonZGreedy { .. }
+            | Self::EpsilonLadder { .. } => {
                 q_learning::epsilon_greedy(values, self.epsilon(chooser));
             }
         }
@@ -75,17 +90,43 @@ impl Exploration {
         self,
         chooser: Chooser,
         values: &mut [f32],
-        random: &mut impl Rng,
+        random: &mut ActionRandom,
     ) -> (usize, f32) {
+        if let Self::EpsilonZGreedy { .. } = self {
+            return self.choose_or_repeat(chooser, values, random);
+        }
         self.log_probs(chooser, values);
-        let choice = categorical::choose(values, random.random());
+        let choice = categorical::choose(values, random.stream.random());
+        (choice, values[choice])
+    }
+
+    /// As [`choose`](Self::choose). A repeated action has the log-probability 0.
+    fn choose_or_repeat(
+        self,
+        chooser: Chooser,
+        values: &mut [f32],
+        random: &mut ActionRandom,
+    ) -> (usize, f32) {
+        if let Some(choice) = random.repeated_choice(0) {
+            return (choice, 0.0);
+        }
+        let is_random = random.stream.random::<f32>() < self.epsilon(chooser);
+        let choice = if is_random {
+            let choice = random.stream.random_range(0..values.len());
+            let duration = draw_duration(&mut random.stream);
+            random.repeat(0, choice, duration - 1);
+            choice
+        } else {
+            categorical::most_likely(values)
+        };
+        self.log_probs(chooser, values);
         (choice, values[choice])
     }
 
     /// ε; 0 without random actions.
     fn epsilon(self, chooser: Chooser) -> f32 {
         match self {
-            Self::EpsilonGreedy { from, to, steps } => {
+            Self::EpsilonGreedy { from, to, steps } | Self::EpsilonZGreedy { from, to, steps } => {
                 let progress = (chooser.steps as f64 / f64::from(steps.get())).min(1.0);
                 (from.get() + progress * (to.get() - from.get())) as f32
             }
@@ -172,7 +213,8 @@ mod tests {
             (epsilon_greedy, [0.1, 0.1, 0.8]),
             (gibbs, [0.016, 0.117, 0.867]),
         ] {
-            let (mut random, mut counts) = (stream(1, Purpose::Action, 0, 0), [0.0; 3]);
+            let mut random = ActionRandom::from(stream(1, Purpose::Action, 0, 0));
+            let mut counts = [0.0; 3];
             for _ in 0..4000 {
                 let values = &mut [0.0, 1.0, 2.0];
                 let (choice, log_prob) = exploration.choose(chooser(0, 7), values, &mut random);
@@ -185,5 +227,42 @@ mod tests {
                 .all(|(count, share)| (count - 4000.0 * share).abs() < 127.0);
             assert!(all_close, "{exploration:?}: {counts:?}");
         }
+    }
+
+    /// With ε = 1 all actions are random. One of 4,000 is repeated no further with probability 6/π² = 0.608: four standard
+    /// errors are 0.031.
+    #[test]
+    fn random_actions_of_epsilon_z_are_repeated() {
+        let exploration = Exploration::EpsilonZGreedy {
+            from: ranged_number(1.0),
+            to: ranged_number(1.0),
+            steps: ranged_count(1),
+        };
+        let mut random = ActionRandom::from(stream(1, Purpose::Action, 0, 0));
+        let (mut repetitions, mut single) = (0, 0);
+        let mut log_prob_before = 1.0;
+        while repetitions < 4000 {
+            let values = &mut [0.0, 1.0, 2.0];
+            let (_, log_prob) = exploration.choose(chooser(0, 7), values, &mut random);
+            let is_new = log_prob != 0.0;
+            repetitions += u32::from(is_new);
+            single += u32::from(is_new && log_prob_before < 0.0);
+            log_prob_before = log_prob;
+        }
+        let share = f64::from(single) / 4000.0;
+        assert!((share - 0.608).abs() < 0.031, "{share}");
+    }
+
+    /// With ε = 0 the best action is chosen.
+    #[test]
+    fn epsilon_z_is_greedy_otherwise() {
+        let exploration = Exploration::EpsilonZGreedy {
+            from: ranged_number(0.0),
+            to: ranged_number(0.0),
+            steps: ranged_count(1),
+        };
+        let mut random = ActionRandom::from(stream(1, Purpose::Action, 0, 0));
+        let choice = exploration.choose(chooser(0, 7), &mut [0.0, 2.0, 1.0], &mut random);
+        assert_eq!(choice, (1, 0.0));
     }
 }

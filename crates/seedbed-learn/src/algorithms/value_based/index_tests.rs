@@ -252,7 +252,7 @@ fn processes_have_the_bits_of_a_team_in_one() {
 fn agents_act_greedily_by_their_own_values() {
     let mut team = hyper_team(&config(), 2);
     let own = [0, 1].map(|agent| values(&mut team, agent, 2));
-    let mut random = [0, 1].map(|agent| stream(3, Purpose::Action, agent, 0));
+    let mut random = [0, 1].map(|agent| stream(3, Purpose::Action, agent, 0).into());
     let (mut actions, mut log_probs) = ([9.0; 2], [9.0; 2]);
     for state in 0..3 {
         let observations = [observation(state), observation(state)].concat();

@@ -1,7 +1,7 @@
 //! Every estimate and loss that a scenario can select.
 
 use super::*;
-use crate::agent::policy::ActionSelection;
+use crate::agent::action_selection::ActionSelection;
 use crate::algorithms::AlgorithmConfig;
 
 const UNWEIGHTED: ValueTarget = ValueTarget::MonteCarlo {
@@ -152,7 +152,7 @@ fn probability_increase(mut config: SeedPg) -> f32 {
     config.policy_optimizer.step_size = ranged_number(0.01);
     config.value_optimizer.step_size = ranged_number(0.01);
     let mut learner = agent(&config, 0, 0.0);
-    let mut random = stream(3, Purpose::Action, 0, 0);
+    let mut random = stream(3, Purpose::Action, 0, 0).into();
     let before = probability_of_action_0(&learner);
     for round in 0..40 {
         let played = play(&learner, &mut random);
@@ -163,7 +163,7 @@ fn probability_increase(mut config: SeedPg) -> f32 {
 
 /// An episode of six steps played by the present policy, with reward 1 for action 0 and −1 for
 /// action 1.
-fn play(learner: &SeedPgAgent, random: &mut Stream) -> Episode {
+fn play(learner: &SeedPgAgent, random: &mut ActionRandom) -> Episode {
     let mut played = Episode {
         outcome: Status::Truncated,
         ..episode(0)
@@ -187,7 +187,7 @@ fn probability_of_action_0(learner: &SeedPgAgent) -> f32 {
     let (mut action, mut log_prob) = ([0.0], [0.0]);
     let episode = episode(0);
     for (step, observation) in episode.states().chunks_exact(2).enumerate() {
-        let mut random = stream(4, Purpose::Action, 0, step as u32);
+        let mut random = stream(4, Purpose::Action, 0, step as u32).into();
         learner.act(
             observation,
             &mut random,

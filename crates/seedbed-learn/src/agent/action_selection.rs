@@ -1,0 +1,73 @@
+//! How actions are chosen from a policy's distribution.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::rl::correlated_noise::{CorrelatedNoise, Correlation};
+use seedbed_env::TaskSpec;
+use seedbed_input::numbers::Positive;
+
+/// How an action is chosen from the policy's distribution.
+#[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum ActionSelection {
+    /// Sampled from the policy's distribution.
+    Sampled,
+    /// Sampled from the policy's distribution with noise that is correlated over the steps of an episode: `Pink` (Eberhard
+    /// et al. 2023), `OrnsteinUhlenbeck(time: …)` with a correlation time in s (Lillicrap et al. 2016), or `Constant` for the
+    /// episode. Importance ratios are those of single actions, as if they were independent. A choice is the one that the
+    /// noise's quantile falls on.
+    Correlated {
+        /// How the noise is correlated.
+        noise: ActionNoise,
+    },
+    /// Sampled from π^{1/τ} / Σ π^{1/τ}, which is 𝒩(μ, τσ²) for a Gaussian. Importance ratios are
+    /// relative to this distribution.
+    Tempered {
+        /// Temperature τ: below 1 is greedier than the policy, above 1 is more random.
+        temperature: Positive,
+    },
+    /// The most likely discrete action, or the mean of a continuous one.
+    Greedy,
+}
+
+/// How the noise of actions is correlated over the steps of an episode.
+#[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum ActionNoise {
+    /// Pink noise (Eberhard et al. 2023): its power falls with the frequency f as 1/f.
+    Pink,
+    /// The process of Ornstein and Uhlenbeck (Lillicrap et al. 2016): the correlation falls as exp(−t/time).
+    OrnsteinUhlenbeck {
+        /// Correlation time, s.
+        time: Positive,
+    },
+    /// One number for a whole episode.
+    Constant,
+}
+
+impl ActionSelection {
+    /// The correlated noise for the actions of a task, if there is any.
+    pub(crate) fn noise(self, spec: &TaskSpec) -> Option<CorrelatedNoise> {
+        match self {
+            Self::Correlated { noise } => Some(noise.for_task(spec)),
+            Self::Sampled | Self::Tempered { .. } | Self::Greedy => None,
+        }
+    }
+}
+
+impl ActionNoise {
+    /// The noise for the actions of a task.
+    #[must_use]
+    pub fn for_task(self, spec: &TaskSpec) -> CorrelatedNoise {
+        CorrelatedNoise::new(match self {
+            Self::Pink => Correlation::Pink {
+                steps: spec.time_limit,
+            },
+            Self::OrnsteinUhlenbeck { time } => Correlation::OrnsteinUhlenbeck {
+                time: (time.get() / f64::from(spec.control_step)) as f32,
+            },
+            Self::Constant => Correlation::Constant,
+        })
+    }
+}
