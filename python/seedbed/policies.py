@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -157,7 +157,8 @@ class Policy:
         """Choose actions, in the form that the environment takes.
 
         Args:
-            observations: One observation `[width]`, or a batch `[N, width]`, in units of the task (not scaled).
+            observations: One observation `[width]`, or a batch `[N, width]`, in units of the task (not scaled). A Dict of arrays
+                is flattened in the order of its names.
             greedy: Whether to take the most likely action, that with the largest action value, or the mean of a
                 Gaussian, squashed or not. Otherwise actions are sampled.
             rng: Generator for sampling; required then.
@@ -273,16 +274,11 @@ class Policy:
 
     def scaled(self, observations: ArrayLike) -> Array:
         """Observations as inputs of the networks: `[..., width]` to `[..., width]`."""
-        if isinstance(observations, Mapping):
-            raise ValueError(
-                "observations are a Dict, expected numbers: flatten them with gymnasium.wrappers.FlattenObservation"
-            )
-        x = np.asarray(observations, dtype=np.float64)
+        x = self._flat(observations) if isinstance(observations, Mapping) else np.asarray(observations, dtype=np.float64)
         if x.ndim not in (1, 2) or x.shape[-1] != len(self.observations):
-            names = ", ".join(self.observations[:8]) + (", …" if len(self.observations) > 8 else "")
             width = len(self.observations)
             raise ValueError(
-                f"observations have the shape {list(x.shape)}, expected [{width}] or [N, {width}]: {names}"
+                f"observations have the shape {list(x.shape)}, expected [{width}] or [N, {width}]: {self._names()}"
             )
         if not np.isfinite(x).all():
             raise ValueError("an observation is not finite")
@@ -290,6 +286,35 @@ class Policy:
             return x
         scaled = (x - self.offset) / self.scale
         return scaled if self.limit is None else np.clip(scaled, -self.limit, self.limit)
+
+    def _flat(self, observations: Mapping[Any, Any]) -> Array:
+        """The numbers of a Dict, in the order of names: `[width]`, or `[N, width]` if each entry has N rows."""
+        entries = list(_entries(observations))
+        if all(_is_named(columns, stem) for columns, stem in self._columns_of(entries)):
+            return np.concatenate([values.reshape(-1) for _, values in entries])
+        rows = {len(values) if values.ndim else 0 for _, values in entries}
+        if len(rows) == 1 and 0 not in rows:
+            row = [(stem, values[0]) for stem, values in entries]
+            if all(_is_named(columns, stem) for columns, stem in self._columns_of(row)):
+                return np.concatenate([values.reshape(len(values), -1) for _, values in entries], axis=-1)
+        found = ", ".join(f"{stem} {list(values.shape)}" for stem, values in entries)
+        raise ValueError(
+            f"the observation is a Dict of {found}, which are not the policy's observations {self._names()}: give numbers in "
+            "their order, such as those of seedbed.make(run.task)"
+        )
+
+    def _columns_of(self, entries: list[tuple[str, Array]]) -> list[tuple[list[str], str]]:
+        """The policy's observations that each entry has, with the entry's name; none if the numbers are fewer or more."""
+        if sum(values.size for _, values in entries) != len(self.observations):
+            return [([], "")]
+        columns, end = [], 0
+        for stem, values in entries:
+            columns.append((self.observations[end : end + values.size], stem))
+            end += values.size
+        return columns
+
+    def _names(self) -> str:
+        return ", ".join(self.observations[:8]) + (", …" if len(self.observations) > 8 else "")
 
     def in_units(self, actions: Any) -> Array:
         """Actions as numbers in the units of the task, like those in `run.states`: −10 N instead of the index 0.
@@ -461,6 +486,20 @@ def _check_shapes(policy: Policy, path: Path) -> None:
         raise RunError(path, f"shapes of its tensors do not fit: {error}") from error
     if found != (expected,):
         raise RunError(path, f"its networks have {found[-1]} outputs, expected {expected}")
+
+
+def _entries(observations: Mapping[Any, Any], prefix: str = "") -> Iterator[tuple[str, Array]]:
+    """The arrays of a Dict and their names, in the order of names, as the program flattens them."""
+    for key in sorted(observations, key=str):
+        if isinstance(observations[key], Mapping):
+            yield from _entries(observations[key], f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", np.asarray(observations[key], dtype=np.float64)
+
+
+def _is_named(columns: list[str], stem: str) -> bool:
+    """Whether these observations are those of an entry: `x`, or `x_0`, `x_1`, …"""
+    return columns == ([stem] if len(columns) == 1 else [f"{stem}_{i}" for i in range(len(columns))]) != []
 
 
 def _checked_number(what: str, number: int, count: int) -> int:

@@ -75,7 +75,9 @@ def follow(
     messages = _Messages(process, on_message)
     try:
         _answer(process, on_line)
-    except BaseException:
+    except BaseException as error:
+        # Only who pressed Control-C waits for the program.
+        messages.is_muted = not isinstance(error, KeyboardInterrupt)
         _stop(process)
         raise
     finally:
@@ -104,6 +106,7 @@ class _Messages:
 
     def __init__(self, process: subprocess.Popen[str], on_message: Callable[[str], None]) -> None:
         self.error = ""
+        self.is_muted = False
         self._process = process
         self._on_message = on_message
         self.thread = threading.Thread(target=self._read, daemon=True)
@@ -114,7 +117,7 @@ class _Messages:
         for line in self._process.stderr:
             if self.error or line.startswith("error: "):
                 self.error += line
-            elif line.strip():
+            elif line.strip() and not self.is_muted:
                 self._on_message(line.rstrip("\n"))
 
 

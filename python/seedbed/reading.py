@@ -114,8 +114,15 @@ def runs(folder: str | os.PathLike[str] = "recordings", *, frames: Frames | None
     return _frame(_listed(given), chosen)
 
 
-def _range(ends: tuple[float | None, float | None]) -> str:
-    """A range as on the command line."""
+def _quantity(name: str) -> str:
+    """A quantity as on axes, of which a column may have the name."""
+    return "intrinsic reward" if name == "intrinsic_reward" else name
+
+
+def _range(ends: tuple[float | None, float | None] | float) -> str:
+    """A range as on the command line; a number is a range that has nothing else."""
+    if isinstance(ends, int | float):
+        return f"{ends}..{ends}"
     return "..".join("" if end is None else str(end) for end in ends)
 
 
@@ -312,9 +319,9 @@ class Run:
         *,
         beside: Sequence[Run] = (),
         path: str | os.PathLike[str] | None = None,
-        agents: Sequence[int] | None = None,
+        agents: Sequence[int] | int | None = None,
         episodes: tuple[int | None, int | None] | None = None,
-        where: Mapping[str, tuple[float | None, float | None]] | None = None,
+        where: Mapping[str, tuple[float | None, float | None] | float] | None = None,
         axes: Sequence[str] | None = None,
         color: Color | None = None,
         lines: int | None = None,
@@ -326,10 +333,10 @@ class Run:
             what: Parts, one below the other; by default visitation, difference, density and returns.
             beside: Runs that are drawn beside this one.
             path: The figure, an SVG or a PNG; by default `plot.svg` in the folder of the run.
-            agents: Numbers of the agents that are drawn.
+            agents: Numbers of the agents that are drawn, or one.
             episodes: First episode of each agent that is drawn, and the one after the last; None for no limit.
-            where: Ranges of quantities, such as `{"theta": (-0.1, 0.2), "return": (150, None)}`: only states in all of them are
-                drawn.
+            where: Ranges of quantities, such as `{"theta": (-0.1, 0.2), "return": (150, None)}`, or single values: only
+                states in all of them are drawn.
             axes: Names of the axes, in their order.
             color: Quantity by which states are colored.
             lines: Maximum number of states that a panel draws one by one; by default 1000.
@@ -348,12 +355,12 @@ class Run:
         out = Path(path) if path is not None else self._folder("place for a figure") / "plot.svg"
         given: dict[str, list[str]] = {
             "--what": [] if what is None else [what] if isinstance(what, str) else list(what),
-            "--agents": [] if agents is None else [str(agent) for agent in agents],
+            "--agents": [] if agents is None else [str(agent) for agent in ([agents] if isinstance(agents, int) else agents)],
             "--axes": [] if axes is None else list(axes),
         }
         options = [part for option, values in given.items() if values for part in (option, ",".join(values))]
         options += [] if episodes is None else ["--episodes", _range(episodes)]
-        options += [part for name, ends in (where or {}).items() for part in ("--where", f"{name}={_range(ends)}")]
+        options += [part for name, ends in (where or {}).items() for part in ("--where", f"{_quantity(name)}={_range(ends)}")]
         options += [] if color is None else ["--color", color]
         options += [] if lines is None else ["--lines", str(lines)]
         options += [] if size is None else ["--size", f"{size[0]}x{size[1]}"]

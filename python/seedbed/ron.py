@@ -68,3 +68,33 @@ def struct(name: str, fields: Mapping[str, Any]) -> str:
     """`name(field: value, …)` with all fields that are not None."""
     given = (f"{field}: {ron_text(value, field)}" for field, value in fields.items() if value is not None)
     return f"{name}({', '.join(given)})"
+
+
+def algorithm_text(algorithm: str | Mapping[str, Any]) -> str:
+    """An algorithm in RON, from a text or from a map of its name to its settings.
+
+    Raises:
+        TypeError: It is something else.
+    """
+    if isinstance(algorithm, str):
+        return algorithm
+    if not isinstance(algorithm, Mapping) or len(algorithm) != 1:
+        raise TypeError(f'algorithm is {algorithm!r}, expected a text, or a map such as {{"SeedPg": {{"discount": 0.9}}}}')
+    name, fields = next(iter(algorithm.items()))
+    return f"{name}{fields_of_map(fields, str(name))}"
+
+
+def fields_of_map(fields: Any, place: str) -> str:
+    """A map as fields in RON, in which texts are RON already; `place` names it in errors."""
+    if not isinstance(fields, Mapping):
+        raise TypeError(f"{place} is {fields!r}, expected a map of settings")
+    for name in fields:
+        if not isinstance(name, str) or not name.isidentifier():
+            raise ValueError(f"{place} has the setting {name!r}, expected a name")
+    return "(" + ", ".join(f"{name}: {_value(value, f'{place}.{name}')}" for name, value in fields.items()) + ")"
+
+
+def _value(value: Any, place: str) -> str:
+    if isinstance(value, Mapping):
+        return fields_of_map(value, place)
+    return ron_text(Expression(value) if isinstance(value, str) else value, place)

@@ -139,6 +139,8 @@ def register(what: File, *, out: File | None = None) -> Text:
         >>> register("team_size.ron")  # doctest: +SKIP
         >>> study("team_size.ron", confirm=True)  # doctest: +SKIP
     """
+    if not isinstance(what, str | os.PathLike):
+        raise TypeError(f"the study is a {type(what).__name__}, expected a file: the registration is written beside it")
     lines: list[str] = []
     options: list[programs.Argument] = [] if out is None else ["--out", out]
     programs.follow(["study", "register", what, *options], on_line=lines.append, on_message=lines.append)
@@ -329,7 +331,8 @@ def _run(arguments: Sequence[programs.Argument], folder: Path) -> str:
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted; the same call resumes it") from None
     except RunError as error:
-        raise type(error)(None, error.message.replace(f"{folder}{os.sep}", "")) from None
+        message = error.message.replace(f"{folder}{os.sep}", "").replace(f"in {folder} ", "")
+        raise type(error)(None, message) from None
     return "\n".join(printed)
 
 

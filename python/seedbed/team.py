@@ -34,7 +34,7 @@ from . import _native, programs
 from ._native import Task
 from .errors import RunError
 from .recorded_axes import Ranges
-from .ron import Expression, ron_text
+from .ron import algorithm_text, fields_of_map
 from .seeding import checked_seed
 from .team_spaces import components_of, conversion_to, observed_quantities, space_from_dict, space_to_dict
 from .vector import BATCH_AUTORESET, Autoreset
@@ -130,12 +130,12 @@ class Team:
         notes = {"observation_space": observation_space, "action_space": action_space}
         observations = observed_quantities(observation_space, task, names, ranges)
         actions = components_of(action_space, task)
-        text = _algorithm_text(algorithm)
+        text = algorithm_text(algorithm)
         limit = DEFAULT_MAX_STEPS if task is None else min(task.time_limit, 100 * DEFAULT_MAX_STEPS)
         with _with_names_of_others(text):
             self._team = _native.Team(
                 text,
-                _fields(agents if isinstance(agents, Mapping) else {"count": _count("agents", agents)}, "agents"),
+                fields_of_map(agents if isinstance(agents, Mapping) else {"count": _count("agents", agents)}, "agents"),
                 "environments" if task is None else task.name,
                 observations,
                 actions,
@@ -206,7 +206,13 @@ class Team:
             ValueError: Observations have another shape or type, are not finite, or are others than those that were recorded.
             RuntimeError: The latest step is not recorded, or all agents wait for `learn`.
         """
-        actions = self._team.act(observations)
+        try:
+            actions = self._team.act(observations)
+        except ValueError as error:
+            if np.shape(observations) == self.observation_space.shape:
+                message = f"{error}; the team has the spaces of a vector environment, expected its single_observation_space and single_action_space"
+                raise ValueError(message) from None
+            raise
         return actions if self._convert is None else self._convert(actions)
 
     def record(
@@ -383,16 +389,6 @@ def _count(name: str, count: Any) -> int:
     return int(count)
 
 
-def _algorithm_text(algorithm: Settings) -> str:
-    """An algorithm in RON."""
-    if isinstance(algorithm, str):
-        return algorithm
-    if not isinstance(algorithm, Mapping) or len(algorithm) != 1:
-        raise TypeError(f'algorithm is {algorithm!r}, expected a text, or a map such as {{"SeedPg": {{"discount": 0.9}}}}')
-    name, fields = next(iter(algorithm.items()))
-    return f"{name}{_fields(fields, str(name))}"
-
-
 @contextlib.contextmanager
 def _with_names_of_others(algorithm: str) -> Iterator[None]:
     """Errors say what a name of another library, such as `PPO`, is here, which the program knows."""
@@ -418,22 +414,6 @@ def _help_of_program(algorithm: str) -> str | None:
         except OSError:
             pass
     return None
-
-
-def _fields(fields: Any, place: str) -> str:
-    """A map as fields in RON, in which texts are RON already."""
-    if not isinstance(fields, Mapping):
-        raise TypeError(f"{place} is {fields!r}, expected a map of settings")
-    for name in fields:
-        if not isinstance(name, str) or not name.isidentifier():
-            raise ValueError(f"{place} has the setting {name!r}, expected a name")
-    return "(" + ", ".join(f"{name}: {_value(value, f'{place}.{name}')}" for name, value in fields.items()) + ")"
-
-
-def _value(value: Any, place: str) -> str:
-    if isinstance(value, Mapping):
-        return _fields(value, place)
-    return ron_text(Expression(value) if isinstance(value, str) else value, place)
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -16,9 +16,11 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, ParamSpec, TypeAlias, TypeVar
+
+import numpy as np
 
 from . import programs
 from .errors import InputError, RunError
@@ -26,7 +28,7 @@ from .frames import Frames
 from .gymnasium_task import Gymnasium, known_id
 from .progress import RunProgress, progress_here
 from .reading import Run
-from .ron import Expression, quoted, ron_text
+from .ron import Expression, algorithm_text, quoted, ron_text
 from .seeding import checked_seed
 
 Parameters = ParamSpec("Parameters")
@@ -77,10 +79,36 @@ class RunState:
     mean_return: float
     recent_return: float
     returns: list[float]
-    finished: list[dict[str, Any]]
-    updates: list[dict[str, Any]]
+    finished: list[dict[str, Any]] = field(repr=False)
+    updates: list[dict[str, Any]] = field(repr=False)
     path: Path
 
+
+NAMES_OF_OTHERS = {
+    "env": "environment=, the first argument",
+    "env_id": "environment=, the first argument",
+    "policy": "no argument: networks are given by set={'algorithm.hidden': [64, 64]}",
+    "policy_kwargs": "set={'algorithm.hidden': [64, 64]}",
+    "n_agents": "agents=",
+    "num_agents": "agents=",
+    "n_envs": "agents= for agents that learn, or set={'schedule': 'Synchronous(episodes: N)'} for more episodes of one",
+    "num_envs": "agents= for agents that learn, or set={'schedule': 'Synchronous(episodes: N)'} for more episodes of one",
+    "total_timesteps": "set={'stop': 'Steps(team: N, at_most: EPISODES)'}",
+    "steps": "set={'stop': 'Steps(team: N, at_most: EPISODES)'}",
+    "episodes": "set={'stop': 'Episodes(N)'}",
+    "callback": "on_round=",
+    "callbacks": "on_round=",
+    "tensorboard_log": "tensorboard=",
+    "log_dir": "tensorboard= for TensorBoard, or out= for the folder of the run",
+    "verbose": "progress=",
+    "progress_bar": "progress=",
+    "bonus": "set={'algorithm.bonus': 'Rnd()'}",
+    "path": "out=",
+    "folder": "out=",
+    "run_seed": "seed=",
+    "max_episode_steps": "seedbed.Gymnasium(environment, time_limit=N)",
+}
+"""What arguments that other libraries have are here."""
 
 OnRound: TypeAlias = Callable[[RunState], "bool | None"]
 """Called after each round; False ends the run."""
@@ -93,15 +121,21 @@ def _explaining_unknown_names(function: Callable[Parameters, Result]) -> Callabl
     @functools.wraps(function)
     def explaining(*arguments: Parameters.args, **named: Parameters.kwargs) -> Result:
         for name, value in named.items():
-            if name in known:
-                continue
-            place = f"set={{{name!r}: {value!r}}}"
-            if name in Gymnasium.__dataclass_fields__:
-                place = f"seedbed.Gymnasium(environment, {name}={value!r})"
-            raise TypeError(f"{function.__name__}() has no argument {name!r}; settings are given by {place}")
+            if name not in known:
+                raise TypeError(f"{function.__name__}() has no argument {name!r}; {_place_of(name, value)}")
         return function(*arguments, **named)
 
     return explaining
+
+
+def _place_of(name: str, value: Any) -> str:
+    """Where people find what they meant by an argument of this name."""
+    if name in NAMES_OF_OTHERS:
+        return f"expected {NAMES_OF_OTHERS[name]}"
+    if name in Gymnasium.__dataclass_fields__:
+        return f"settings are given by seedbed.Gymnasium(environment, {name}={value!r})"
+    # The program knows what names of other libraries mean.
+    return f"settings are given by set={{{name!r}: {value!r}}}"
 
 
 @_explaining_unknown_names
@@ -109,7 +143,7 @@ def train(
     environment: Environment | None = None,
     *,
     scenario: str | os.PathLike[str] | None = None,
-    algorithm: AlgorithmName | str | None = None,
+    algorithm: AlgorithmName | str | Mapping[str, Any] | None = None,
     agents: int | None = None,
     seed: int | None = None,
     set: Settings = (),  # noqa: A002
@@ -135,9 +169,12 @@ def train(
             `"file.py:function"`, a `Gymnasium`, or a function that returns an environment of
             Gymnasium. The function may be one of a notebook: worker processes get it pickled by value.
         scenario: A scenario, by name or path: its environment, algorithm and other settings are the defaults of this call. With
-            `"ppo"` or `"sac"`, an environment is learned with the settings that are usual for these.
-        algorithm: Name of an algorithm, or its settings: `"SeedPg"`, `"SeedPg(discount: 0.9)"`. By default `SeedPg`.
-        agents: Number of agents K; by default 1.
+            `"ppo"`, `"sac"` or `"dqn"`, an environment is learned with the settings that are usual for these.
+        algorithm: Name of an algorithm, or its settings: `"SeedPg"`, `"SeedPg(discount: 0.9)"` or `{"SeedPg": {"discount": 0.9}}`.
+            By default that of the scenario, or `SeedPg`. It replaces all settings of the scenario's algorithm; `set` replaces
+            some: `{"algorithm.bonus": "Rnd()"}`.
+        agents: Number of agents K; by default that of the scenario, or 4. By default each adds small fixed numbers, its seed, to
+            rewards; where rewards are rare, `set={"agents.seeds": "Normal(sigma: 0)"}` leaves them as they are.
         seed: Run seed, from which all random numbers are derived; by default 0.
         set: Values that are replaced, as by `--set`: `["stop=Episodes(300)"]`, or a map such as
             `{"agents.count": 16, "stop": "Episodes(300)"}`, whose texts are written as they are.
@@ -145,7 +182,8 @@ def train(
         resume: Continue the interrupted run in `out`.
         overwrite: Replace the run in `out`.
         on_round: Called with a `RunState` after each round. If it returns False, the run ends there, and is finished as by
-            `stop=Episodes(n)` with the number of episodes that were played. If it raises, the run is interrupted.
+            `stop=Episodes(n)` with the number of episodes that were played. If it raises, the run is interrupted; so it is if it
+            returns another thing that Python takes for False, such as 0.
         threads: Number of threads; results do not depend on it. By default the number of cores.
         recording: Whether visited states are recorded.
         save_initial: Whether `policies.safetensors` also has agent seeds and initial parameters.
@@ -258,9 +296,10 @@ def python_path_of(environment: Environment) -> list[str]:
     return [os.path.abspath(folder) for folder in sys.path] if callable(function) else []
 
 
-def setting_arguments(algorithm: str | None, agents: int | None, replaced: Settings) -> list[str]:
+def setting_arguments(algorithm: str | Mapping[str, Any] | None, agents: int | None, replaced: Settings) -> list[str]:
     """The arguments `--set PATH=VALUE` of the program."""
-    settings = [] if algorithm is None else [f"algorithm={algorithm}{'()' if algorithm.isidentifier() else ''}"]
+    text = None if algorithm is None else algorithm_text(algorithm)
+    settings = [] if text is None else [f"algorithm={text}{'()' if text.isidentifier() else ''}"]
     settings += [] if agents is None else [f"agents.count={agents}"]
     if isinstance(replaced, str):
         raise TypeError(f"set is {replaced!r}, expected a list such as [{replaced!r}]")
@@ -354,16 +393,23 @@ class _Following:
                 self._progress.begin(content["scenario"], content)
             return None
         self._episodes = content["episodes"]
-        self._asked_to_stop = self._on_round is not None and self._ask(self._on_round, content) is False
+        self._asked_to_stop = self._on_round is not None and not self._ask(self._on_round, content)
         if self._progress is not None:
             self._progress.show(content)
         return "stop" if self._asked_to_stop else "continue"
 
-    def _ask(self, on_round: OnRound, content: Mapping[str, Any]) -> bool | None:
+    def _ask(self, on_round: OnRound, content: Mapping[str, Any]) -> bool:
+        """Whether the run goes on."""
         if self._progress is not None:
             # The callback may print.
             self._progress.hide()
-        return on_round(self._state(content))
+        answer: Any = on_round(self._state(content))
+        if isinstance(answer, bool | np.bool_):
+            return bool(answer)
+        # What is neither, such as what a tracker returns, does not matter, but 0 may be meant as False.
+        if answer is not None and np.ndim(answer) == 0 and not answer:
+            raise TypeError(f"on_round returned {answer!r}, expected False to end the run, or True or None to go on")
+        return True
 
     def _state(self, content: Mapping[str, Any]) -> RunState:
         of_agents: list[list[float]] = [[] for _ in range(self._agents)]

@@ -381,5 +381,5 @@ def test_predict_is_that_of_a_model_of_stable_baselines(run: seedbed.Run):
     actions, state = policy.predict(observations, state=None, episode_start=np.ones(3), deterministic=True)
     np.testing.assert_equal(actions, policy(observations))
     assert state is None
-    with pytest.raises(ValueError, match="observations are a Dict, expected numbers: flatten them"):
+    with pytest.raises(ValueError, match="the observation is a Dict of x"):
         policy.predict({"x": np.zeros(3)})

@@ -132,6 +132,19 @@ class TestCallbacks:
         run = seedbed.train("cartpole", agents=1, set=["stop=Episodes(2)"], on_round=lambda state: state.round < 2)
         assert run.summary["episodes_per_agent"] == 2
 
+    def test_answers_of_callbacks(self):
+        """NumPy's False is False; what trackers return does not matter; 0 may be meant as False, but is not."""
+        answers: dict[int, Any] = {1: np.True_, 2: None, 3: ["logged"], 4: [], 5: np.False_}
+        run = seedbed.train("cartpole", agents=1, set=["stop=Episodes(9)"], on_round=lambda state: answers[state.round])
+        assert run.summary["episodes_per_agent"] == 5
+        with pytest.raises(TypeError, match="on_round returned 0, expected False to end the run, or True or None to go on"):
+            seedbed.train("cartpole", agents=1, set=["stop=Episodes(9)"], on_round=lambda state: 0, out="zero")
+
+    def test_errors_of_callbacks_show_no_words_for_control_c(self, capsys: pytest.CaptureFixture[str]):
+        with pytest.raises(ZeroDivisionError):
+            seedbed.train("cartpole", agents=1, set=["stop=Episodes(9)"], on_round=lambda state: 1 // 0)
+        assert "Ctrl-C" not in capsys.readouterr().err
+
     def test_asynchronous_runs_that_a_callback_ends(self):
         settings = ["schedule=Asynchronous(training: (env_steps: 30))", "stop=Episodes(40)"]
         run = seedbed.train("cartpole", agents=3, set=settings, on_round=lambda state: state.episodes < 2)
@@ -260,6 +273,9 @@ class TestErrors:
             seedbed.train()
         with pytest.raises(TypeError, match=r"has no argument 'learning_rate'; settings are given by set=\{'learning_rate': 0\.001\}"):
             seedbed.train("cartpole", learning_rate=0.001)  # type: ignore[call-arg]
+        for name, expected in {"callback": "on_round=", "n_agents": "agents=", "bonus": r"set=\{'algorithm.bonus': 'Rnd\(\)'\}"}.items():
+            with pytest.raises(TypeError, match=f"has no argument '{name}'; expected {expected}"):
+                seedbed.train("cartpole", **{name: 4})  # type: ignore[arg-type]
         with pytest.raises(TypeError, match=r"given by seedbed\.Gymnasium\(environment, time_limit=9\)"):
             seedbed.train(make_corridor, time_limit=9)  # type: ignore[call-arg]
         with pytest.raises(TypeError, match="expected a list such as"):
@@ -406,6 +422,38 @@ class TestEnvironments:
         with pytest.raises(seedbed.InputError, match="mountain_car") as caught:
             seedbed.train("mountain_carr", scenario="ppo")
         assert "tmp" not in str(caught.value)
+
+    def test_an_algorithm_as_a_map(self):
+        settings: dict[str, Any] = {"agents": 2, "set": ["stop=Episodes(3)"]}
+        run = seedbed.train("cartpole", algorithm={"SeedPg": {"discount": 0.9, "bonus": "Rnd()"}}, out="map", **settings)
+        same = seedbed.train("cartpole", algorithm="SeedPg(discount: 0.9, bonus: Rnd())", out="text", **settings)
+        assert bits(run.path) == bits(same.path)
+        with pytest.raises(TypeError, match="expected a text, or a map such as"):
+            seedbed.train("cartpole", algorithm=["SeedPg"])  # type: ignore[arg-type]
+
+    def test_observations_that_are_a_dict(self):
+        """The policy takes what the environment returns, whose entries are not in the order of their names."""
+
+        class Entries(gymnasium.ObservationWrapper[Any, Any, Any]):
+            def __init__(self) -> None:
+                super().__init__(gymnasium.make("CartPole-v1", max_episode_steps=50))
+                box = gymnasium.spaces.Box(-9, 9, (2,), np.float32)
+                self.observation_space = gymnasium.spaces.Dict(pole=box, cart=box, inner=gymnasium.spaces.Dict(x=box))
+
+            def observation(self, observation: Any) -> Any:
+                return {"pole": observation[2:], "cart": observation[:2], "inner": {"x": observation[:2]}}
+
+        run = seedbed.train(Entries, agents=1, set=["stop=Episodes(4)"])
+        policy = run.policy(0)
+        assert policy.observations == ["cart_0", "cart_1", "inner.x_0", "inner.x_1", "pole_0", "pole_1"]
+        state = {"pole": np.array([0.3, 0.4]), "cart": np.array([0.1, 0.2]), "inner": {"x": np.array([5.0, 6.0])}}
+        flat = [0.1, 0.2, 5.0, 6.0, 0.3, 0.4]
+        assert policy.outputs(state).tolist() == policy.outputs(flat).tolist()
+        batch = {"pole": np.ones((3, 2)), "cart": np.zeros((3, 2)), "inner": {"x": np.zeros((3, 2))}}
+        assert policy(batch).shape == (3,)
+        for wrong in ({"a": np.zeros(6)}, {"cart": [0, 0], "inner": {"x": [0, 0]}, "pole": [0]}, {"cart": 1.0}):
+            with pytest.raises(ValueError, match="the observation is a Dict of .*, which are not the policy's observations cart_0"):
+                policy(wrong)
 
     def test_an_environment_without_a_time_limit(self):
         with pytest.raises(seedbed.InputError, match=r"help: `seedbed\.Gymnasium\(environment, time_limit=1000\)`"):

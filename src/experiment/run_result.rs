@@ -41,6 +41,10 @@ pub struct RunResult {
     /// results.
     #[serde(skip)]
     pub episode_ends: Vec<Vec<u64>>,
+    /// Number of the team's steps during the longest episode, of runs of others in which it does not follow from
+    /// `episode_ends`. Not stored.
+    #[serde(skip)]
+    pub longest_episode: u64,
     /// How returns were rounded. It is not stored for runs of seedbed.
     #[serde(skip)]
     pub rounding: Rounding,
@@ -187,7 +191,8 @@ impl RunResult {
             let begins = std::iter::once(&0).chain(ends);
             ends.iter().zip(begins).map(|(end, begin)| end - begin)
         });
-        self.env_steps.saturating_add(longest.max().unwrap_or(0)) >= env_steps
+        let longest = longest.max().unwrap_or(0).max(self.longest_episode);
+        self.env_steps.saturating_add(longest) >= env_steps
     }
 
     /// Share of the episodes of all agents that have no regret; `None` if regrets are not known.

@@ -98,6 +98,7 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "scenarios/deep_sea_egreedy.ron",
     "scenarios/deep_sea_hyperagent.ron",
     "scenarios/deep_sea_seed_ensemble.ron",
+    "scenarios/dqn.ron",
     "scenarios/half_cheetah_sac.ron",
     "scenarios/mountain_car.ron",
     "scenarios/mountain_car_seed_psrl.ron",

@@ -189,6 +189,14 @@ fn agents_with_indices_solve_deep_sea_and_epsilon_greedy_does_not() {
     assert!(!is_solved_in(1, scenario, &[alone, epsilon_greedy], 300));
 }
 
+/// One agent with the usual settings of deep Q-learning.
+#[test]
+fn deep_q_learning_balances_the_pole() {
+    assert!(is_solved_in(2, "dqn.ron", &[], 300));
+    let without_learning = "algorithm.learning.optimizer.step_size=1e-9";
+    assert!(!is_solved_in(1, "dqn.ron", &[without_learning], 300));
+}
+
 /// Soft actor-critic, from the transitions of four agents.
 #[test]
 fn soft_actor_critics_swing_up_the_pendulum_in_few_episodes() {

@@ -1,5 +1,6 @@
 //! The recorders of a run that begins, and of one that is resumed from its checkpoint.
 
+use std::fs;
 use std::path::PathBuf;
 
 use super::checkpoint_writer::CheckpointWriter;
@@ -58,7 +59,7 @@ pub(super) fn resume_run(
     }
     check_max_episodes(plan, options, trainer)?;
     check_versions(plan, options, observer)?;
-    write_scenario(plan, folder)?;
+    rewrite_scenario(plan, folder)?;
     if states.len() > recorder_factories.len() {
         give_up_recording(folder, observer)?;
     }
@@ -173,6 +174,20 @@ fn write_scenario(plan: &Plan, folder: &RunFolder) -> Result<(), RunError> {
         sums.add(folder, &path, text.as_bytes());
     }
     write_checksums(&sums, folder)
+}
+
+/// Writes the scenario of a run that goes on. The file keeps its time, which is that of the run's beginning.
+fn rewrite_scenario(plan: &Plan, folder: &RunFolder) -> Result<(), RunError> {
+    let path = folder.scenario_file();
+    let began = fs::metadata(&path).and_then(|metadata| metadata.modified());
+    write_scenario(plan, folder)?;
+    let kept = began.and_then(|began| {
+        fs::File::options()
+            .append(true)
+            .open(&path)?
+            .set_modified(began)
+    });
+    kept.map_err(|error| RunError::File { path, error })
 }
 
 /// The copy of the Python file that makes the environment, if the task names one.

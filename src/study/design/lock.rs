@@ -309,6 +309,7 @@ fn without_paths(study: &Study, cells: &[CellDescription]) -> Vec<CellDescriptio
             } else {
                 0
             },
+            observations: Vec::new(),
             external: None,
             ..cell
         }

@@ -62,6 +62,8 @@ impl From<InputError> for Problem {
 #[derive(Clone, Copy, Debug, Default)]
 struct Settings {
     solved: Option<SolvedAt>,
+    /// Whether all files of a run are those of one learner.
+    has_one_learner: bool,
     limits: Limits,
 }
 
@@ -136,6 +138,7 @@ impl ExternalRuns {
         check_spec(&spec)?;
         let settings = Settings {
             solved: spec.solved,
+            has_one_learner: spec.agents == Some(1),
             limits: Limits {
                 max_episodes: spec.max_episodes,
                 max_steps: spec.max_steps,
@@ -430,9 +433,7 @@ impl ExternalRuns {
         let unknown = self.unknown();
         let has_threshold = match self.runs.first() {
             Some(run) => run.result.threshold.is_some(),
-            None => {
-                self.spec.solved.is_some() || matches!(self.spec.source, ResultsSource::Runs(_))
-            }
+            None => self.spec.solved.is_some(),
         };
         let curve = measure.curve();
         if measure.needs() == Needs::Tables {

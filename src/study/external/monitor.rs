@@ -10,7 +10,8 @@ use super::{Problem, Settings};
 use crate::scenario::Rounding;
 use seedbed_input::{InputError, Position};
 
-/// Reads the run at `path`: a directory with one file per agent, or the file of its only agent.
+/// Reads the run at `path`: a directory with one file per agent, or per copy of the environment in which its only agent acts,
+/// or the file of its only agent.
 pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<ReadRun, Problem> {
     let (mut files, mut agents, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     for path in monitor_files(path)? {
@@ -22,6 +23,16 @@ pub(super) fn read(folder: &Path, path: &Path, settings: Settings) -> Result<Rea
         files.push(file.hash);
     }
     run_data::team_steps(&mut agents);
+    if agents.len() > 1 && settings.has_one_learner {
+        agents = vec![AgentEpisodes::of_copies(&agents)];
+    } else if agents.len() > 1 {
+        warnings.push(format!(
+            "{}: its {} files count as as many agents; if they are of the copies of one learner, as of `make_vec_env`, write \
+             `agents: 1` in the cell",
+            super::data_file::name_of(folder, path),
+            agents.len()
+        ));
+    }
     let result = run_data::result(agents, settings.solved, settings.limits, Rounding::Double);
     Ok(ReadRun::new(folder, path, files, result).with_warnings(warnings))
 }

@@ -13,6 +13,9 @@ pub(super) struct AgentEpisodes {
     pub(super) returns: Vec<f64>,
     /// Environment steps of the team when each episode ended; empty if they are unknown.
     pub(super) env_steps: Vec<u64>,
+    /// Number of the team's steps during the longest episode, if it does not follow from the ends of episodes: several copies
+    /// of the environment play at the same time.
+    pub(super) longest: u64,
 }
 
 /// Data up to which runs are used.
@@ -36,6 +39,30 @@ pub(super) fn team_steps(agents: &mut [AgentEpisodes]) {
 }
 
 impl AgentEpisodes {
+    /// Episodes of a learner that acts in several copies of the environment, in the order in which they ended.
+    pub(super) fn of_copies(copies: &[Self]) -> Self {
+        let mut ended: Vec<(u64, f64)> = Vec::new();
+        let mut merged = Self::default();
+        for copy in copies {
+            let begins = std::iter::once(&0).chain(&copy.env_steps);
+            let lengths = copy
+                .env_steps
+                .iter()
+                .zip(begins)
+                .map(|(end, begin)| end - begin);
+            merged.longest = merged.longest.max(lengths.max().unwrap_or(0));
+            ended.extend(
+                copy.env_steps
+                    .iter()
+                    .copied()
+                    .zip(copy.returns.iter().copied()),
+            );
+        }
+        ended.sort_by_key(|(env_steps, _)| *env_steps);
+        (merged.env_steps, merged.returns) = ended.into_iter().unzip();
+        merged
+    }
+
     fn cut(&mut self, limits: Limits) {
         if let Some(max_episodes) = limits.max_episodes {
             self.returns.truncate(max_episodes as usize);
@@ -71,6 +98,7 @@ pub(super) fn result(
         }),
         env_steps,
         episode_ends: known_ends(&agents),
+        longest_episode: agents.iter().map(|agent| agent.longest).max().unwrap_or(0),
         returns: agents.into_iter().map(|agent| agent.returns).collect(),
         rounding,
         curves: vec![Vec::new(); Curve::WITH_ROUND_VALUES.len()],
@@ -115,6 +143,7 @@ mod tests {
         AgentEpisodes {
             returns: returns.to_vec(),
             env_steps: env_steps.to_vec(),
+            longest: 0,
         }
     }
 
@@ -178,5 +207,22 @@ mod tests {
         assert_eq!(up_to(None, Some(39)), (3, 30, false));
         assert_eq!(up_to(Some(2), Some(40)), (2, 20, false));
         assert_eq!(up_to(None, Some(40)), (4, 40, true));
+    }
+
+    /// Two copies that step together: after steps 3 and 8 of the first one and 4 of the second one, the team of two has made 6,
+    /// 16 and 8. The longest episode took 5 steps of its copy, in which the team made 10.
+    #[test]
+    fn episodes_of_copies_are_those_of_one_learner() {
+        let mut copies = [agent(&[1.0, 2.0], &[3, 8]), agent(&[3.0], &[4])];
+        team_steps(&mut copies);
+        let learner = AgentEpisodes::of_copies(&copies);
+        assert_eq!(learner.returns, [1.0, 3.0, 2.0]);
+        assert_eq!(
+            (learner.env_steps.as_slice(), learner.longest),
+            ([6, 8, 16].as_slice(), 10)
+        );
+        let run = result(vec![learner], None, Limits::default(), Rounding::Double);
+        // Unfinished episodes may have made ten more steps.
+        assert!(run.reaches_step(26) && !run.reaches_step(27));
     }
 }

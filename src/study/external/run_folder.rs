@@ -250,11 +250,11 @@ fn result_of_learners(
     });
     for episodes in learners.episodes(ended) {
         let mut agent = AgentEpisodes::default();
+        let copies = learners.agents() as u64;
         for (steps, episode) in episodes {
             agent.returns.push(episode.r#return);
-            agent
-                .env_steps
-                .push(steps.saturating_mul(learners.agents() as u64));
+            agent.env_steps.push(steps.saturating_mul(copies));
+            agent.longest = agent.longest.max(episode.length.saturating_mul(copies));
         }
         agents.push(agent);
     }

@@ -16,7 +16,7 @@ pub enum ResultsSource {
     /// `episode`, `round`, `env_steps` and `return`. Curves are from `rounds.csv`, if all have one.
     Runs(Located<String>),
     /// Stable-Baselines3's `monitor.csv`. A directory is one run: each `*.monitor.csv` in it is one
-    /// agent. A file is one run of one agent.
+    /// agent or, with `agents: 1`, one copy of the environment of the only agent. A file is one run of one agent.
     Monitor(Located<String>),
     /// Event files of TensorBoard. A directory is one run of one agent.
     TensorBoard {

@@ -92,6 +92,40 @@ fn measures_follow_from_the_files() {
     );
 }
 
+/// The files of the team are those of the copies of one learner: its episodes are 1, 4, 2, 6, 3 up to steps 2, 6, 8, 10, 12 of
+/// both copies. Windows of two: 2.5, 3, so that it has solved the task after 3 episodes.
+#[test]
+fn files_of_the_copies_of_one_learner_are_merged() {
+    let study = |agents: &str| {
+        format!(
+            r#"Study(
+                title: "Copies",
+                solved: (return: 3, window: 2),
+                cells: [(name: "SB3", results: Monitor("sb3_team/*/"){agents})],
+                measures: [EpisodesToSolve, FinalReturn(window: 2)],
+            )"#
+        )
+    };
+    let fixture = Fixture::with_files_of_tools(&study(", agents: 1"));
+    let printed = fixture.succeed(&[]);
+    assert!(!printed.contains("copies of one learner"), "{printed}");
+    let columns = [
+        "agents",
+        "episodes",
+        "episodes_to_solve",
+        "env_steps_to_solve",
+        "FinalReturn(window:2)",
+        "mean_return",
+    ];
+    let expected = ["1", "5", "3.0", "8.0", "4.5", "3.2"];
+    assert_eq!(values(&fixture.rows()[0], &columns), expected);
+    fixture.write("mine.ron", &study(""));
+    let printed = fixture.succeed(&[]);
+    let warning = "sb3_team/run: its 2 files count as as many agents; if they are of the copies of one learner, as of \
+                   `make_vec_env`, write `agents: 1` in the cell";
+    assert!(printed.contains(warning), "{printed}");
+}
+
 /// The mean over several episodes first reaches 3 at step 40, in a window of one value.
 #[test]
 fn values_may_be_means_over_episodes() {

@@ -151,6 +151,48 @@ fn files_that_existed_at_the_registration_are_not_used() {
     );
 }
 
+/// The axes of visits are those of runs that existed at the registration, and are not known before others exist.
+#[test]
+fn a_study_is_confirmed_whose_files_existed_at_the_registration() {
+    let study = REGISTERED.replace(r#"Csv(files: "a/*.csv")"#, r#"Runs("runs/*")"#);
+    let fixture = Fixture::new(&study);
+    let out = fixture.path("runs/0");
+    let run = [
+        "run",
+        "cartpole",
+        "--set",
+        "stop=Episodes(2)",
+        "--set",
+        "agents.count=1",
+        "--no-recording",
+        "--out",
+    ];
+    let output = seedbed(&[&run[..], &[out.to_str().unwrap()]].concat());
+    assert!(output.status.success(), "{output:?}");
+    fixture.succeed(&["register"]);
+    let confirmed = fixture.succeed(&["confirm"]);
+    assert!(
+        confirmed.contains("Not used: 1 run of cell `a`") && !confirmed.contains("differs"),
+        "{confirmed}"
+    );
+}
+
+/// When its runs count as solved must be known before they are made.
+#[test]
+fn measures_need_a_threshold_before_the_files_exist() {
+    let with_times = REGISTERED.replace("window: 1)],", "window: 1), EpisodesToSolve],");
+    let study = with_times
+        .replace(r#"Csv(files: "a/*.csv")"#, r#"Runs("a/*")"#)
+        .replace(r#"Csv(files: "b/*.csv")"#, r#"Runs("b/*")"#);
+    let fixture = Fixture::new(&study);
+    let error = fixture.fail(2, &["register"]);
+    assert!(
+        error.contains("the study does not say when its runs count as solved"),
+        "{error}"
+    );
+    assert!(!fixture.path("mine.ron.lock").exists());
+}
+
 #[test]
 fn more_runs_than_registered_are_refused() {
     let fixture = Fixture::confirmed();
