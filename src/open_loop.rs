@@ -10,23 +10,22 @@ use seedbed_input::InputError;
 use seedbed_input::numbers::ranged_number;
 use seedbed_learn::agent::action_selection::ActionNoise;
 use seedbed_learn::agent::{ActScratch, ActionRandom, Agent};
-use seedbed_learn::algorithms::random::{RandomActions, RandomAgent};
+use seedbed_learn::algorithms::random::RandomAgent;
 use seedbed_random::{Purpose, stream};
 
 /// Episodes that are played at the same time.
 const MAX_COPIES: u32 = 32;
 
-/// The kinds of noise that a task is tried with: correlation times from half a second to five seconds.
+/// The kinds of noise that a task is tried with: none, of which actions are uniform, and with correlation times from half a second to
+/// five seconds.
 #[must_use]
-pub fn kinds_of_noise() -> Vec<RandomActions> {
-    let correlated = |noise| RandomActions::Correlated { noise };
-    let mut kinds = vec![RandomActions::Uniform, RandomActions::White];
-    kinds.push(correlated(ActionNoise::Pink));
+pub fn kinds_of_noise() -> Vec<Option<ActionNoise>> {
+    let mut kinds = vec![None, Some(ActionNoise::White), Some(ActionNoise::Pink)];
     for seconds in [0.5, 1.0, 2.0, 5.0] {
         let time = ranged_number(seconds);
-        kinds.push(correlated(ActionNoise::OrnsteinUhlenbeck { time }));
+        kinds.push(Some(ActionNoise::OrnsteinUhlenbeck { time }));
     }
-    kinds.push(correlated(ActionNoise::Constant));
+    kinds.push(Some(ActionNoise::Constant));
     kinds
 }
 
@@ -88,7 +87,7 @@ pub enum OpenLoopError {
 /// The task cannot be built or played.
 pub fn play(
     description: &TaskDescription,
-    noise: RandomActions,
+    noise: Option<ActionNoise>,
     plan: &OpenLoopPlan,
 ) -> Result<Vec<OpenLoopRun>, OpenLoopError> {
     let seeds = plan.first_seed..plan.first_seed + u64::from(plan.runs);
@@ -105,7 +104,7 @@ pub fn play(
 
 fn play_run(
     environment: &mut dyn Environment,
-    noise: RandomActions,
+    noise: Option<ActionNoise>,
     seed: u64,
     plan: &OpenLoopPlan,
 ) -> OpenLoopRun {

@@ -75,7 +75,7 @@ def _axes_of_space(space: spaces.Space[Any]) -> tuple[Axis, ...]:
             f"observations have the shape {space.shape}, expected 1 to {MAX_OBSERVATIONS} numbers: record features instead, "
             "with features="
         )
-    return _box_axes(space, "obs", always_numbered=True)
+    return _box_axes(space, "observation")
 
 
 def action_axes(space: spaces.Space[Any], task: Any, names: Sequence[str] | None) -> tuple[Axis, ...]:
@@ -99,7 +99,7 @@ def _components(space: spaces.Space[Any], name: str) -> tuple[Axis, ...]:
         case spaces.Discrete():
             return (Axis(name, "", float(space.start), float(space.start + space.n - 1)),)
         case spaces.Box():
-            return _box_axes(space, name, always_numbered=False)
+            return _box_axes(space, name)
         case spaces.MultiDiscrete() | spaces.MultiBinary():
             shape = space.shape
             highs = np.ones(shape) if isinstance(space, spaces.MultiBinary) else space.nvec + space.start - 1
@@ -113,8 +113,8 @@ def _components(space: spaces.Space[Any], name: str) -> tuple[Axis, ...]:
     )
 
 
-def _box_axes(space: spaces.Box, name: str, *, always_numbered: bool) -> tuple[Axis, ...]:
-    return _numbered(name, space.shape, space.low, space.high, always_numbered=always_numbered)
+def _box_axes(space: spaces.Box, name: str) -> tuple[Axis, ...]:
+    return _numbered(name, space.shape, space.low, space.high, always_numbered=False)
 
 
 def _numbered(

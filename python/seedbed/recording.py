@@ -79,7 +79,7 @@ class RecordVisitation(gymnasium.Wrapper[Any, Any, Any, Any]):
         features: What is recorded in place of the observations, such as of pictures: a function of `(observation, info)` that
             returns numbers, whose `names` must be given; or names of entries of `info`, which are NaN where they are missing.
             The agent observes what it did before.
-        names: Name of each observation or feature; by default those of a seedbed task, or `obs_0`, `obs_1`, …
+        names: Name of each observation or feature; by default those of a seedbed task, or `observation_0`, `observation_1`, …
         units: Unit of each observation, or of some by name, such as `{"x": "m"}`.
         ranges: Ends of the axis of each observation, or of some by name, such as `{"x": (-1, 1)}`. By default those
             of a seedbed task, or finite bounds of the Box; all other ends are the smallest and largest finite

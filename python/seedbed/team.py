@@ -86,7 +86,7 @@ class Team:
             buffer, such as QLearning and SeedSac; they may also learn after episodes, as all others do (None).
         steps_of: Whose steps `learn_every` counts: those of one `"Agent"`, or of the whole `"Team"`.
         task: The task, if environments are those of `seedbed.make`: it has names, units and ranges of observations.
-        names: Name of each observed number; by default `obs_0`, `obs_1`, …
+        names: Name of each observed number; by default `observation_0`, `observation_1`, …
         ranges: Ends of the range of each observed number, or of some by name, such as `{"x": (-1, 1)}`: inputs of networks
             are scaled with them. By default finite bounds of the Box; numbers without are not scaled.
         max_episode_steps: Maximum number of steps of an episode; by default that of the task, otherwise 10,000. A longer one

@@ -421,13 +421,13 @@ class TestInfo:
         """The infos of an episode with the same actions, from the same start state."""
         environment = gymnasium.make("HalfCheetah-v5").unwrapped
         environment.reset()
-        start = [states[f"obs_{i}"][0] for i in range(17)]
+        start = [states[f"observation_{i}"][0] for i in range(17)]
         environment.set_state(np.array([0.0, *start[:8]]), np.array(start[8:]))
         actions = np.stack([states[f"action_{i}"][:-1] for i in range(6)], axis=1)
         return [environment.step(np.clip(action, -1, 1).astype(np.float32))[4] for action in actions]
 
     def test_recorded_entries_are_those_of_gymnasium(self, lab: Path, program: str) -> None:
-        names = [f'"obs_{i}"' for i in range(17)]
+        names = [f'"observation_{i}"' for i in range(17)]
         task = self.HALF_CHEETAH.replace("log_info", f"names: [{', '.join(names)}], log_info")
         call(program, "run", scenario(lab, task, stop="Episodes(2)"), "--out", "run")
         call(program, "export", "run", "--to", "states.npz")

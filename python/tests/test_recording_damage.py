@@ -189,9 +189,9 @@ def test_unknown_fields_of_headers_are_ignored(tmp_path: Path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"names": ["a", "b"]}, "observations is a .* but in the file obs_0"),
-        ({"units": {"obs_0": "m"}}, "observations is"),
-        ({"ranges": {"obs_0": (0, 1)}}, "observations is"),
+        ({"names": ["a", "b"]}, "observations is a .* but in the file observation_0"),
+        ({"units": {"observation_0": "m"}}, "observations is"),
+        ({"ranges": {"observation_0": (0, 1)}}, "observations is"),
         ({"action_names": ["push"]}, "actions is push"),
         ({"environment": "Other"}, "environment is 'Other', but in the file 'Counter'"),
     ],

@@ -49,7 +49,7 @@ def test_changed_observations_do_not_have_the_axes_of_the_task(tmp_path):
     environment = gymnasium.wrappers.NormalizeObservation(seedbed.make("cartpole"))
     with seedbed.RecordVisitation(environment, tmp_path) as environment:
         play(environment, 1)
-    assert scan(state_file(tmp_path)).header.observations[0] == Axis("obs_0")
+    assert scan(state_file(tmp_path)).header.observations[0] == Axis("observation_0")
 
 
 def test_a_vector_environment_records_what_single_environments_record(tmp_path):

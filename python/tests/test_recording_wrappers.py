@@ -261,9 +261,9 @@ def test_nans_are_counted(tmp_path: Path):
     for agent in range(2):
         environment = RecordVisitation(Missing(5), tmp_path, agent=agent)
         play(environment, 10)
-        with pytest.warns(RuntimeWarning, match=f"observations are NaN in some states: obs_1 in {20 * (agent + 1)}"):
+        with pytest.warns(RuntimeWarning, match=f"observations are NaN in some states: observation_1 in {20 * (agent + 1)}"):
             environment.close()
-    assert json.loads((tmp_path / "summary.json").read_text())["nan_observations"] == {"obs_1": 40}
+    assert json.loads((tmp_path / "summary.json").read_text())["nan_observations"] == {"observation_1": 40}
     states = np.concatenate([found["states"] for found in episodes_of(state_file(tmp_path), 2, 1)])
     assert np.isnan(states).sum(axis=0).tolist() == [0, 20]
 

@@ -201,7 +201,7 @@ def test_numbers_are_recorded_as_they_are(tmp_path):
 
     environment = RecordVisitation(Odd(2), tmp_path)
     play(environment, 1)
-    with pytest.warns(RuntimeWarning, match="observations are NaN in some states: obs_0 in 1"):
+    with pytest.warns(RuntimeWarning, match="observations are NaN in some states: observation_0 in 1"):
         environment.close()
     (episode,) = episodes_of(state_file(tmp_path), 2, 1)
     assert np.array_equal(episode["states"], np.float32([[-np.inf, 1e-40], [np.nan, np.inf], [-np.inf, 1e-40]]), equal_nan=True)
@@ -240,7 +240,7 @@ def test_axes_are_given_or_bounds_or_learned(tmp_path):
     with RecordVisitation(Counter(1, space), tmp_path / "visited", ranges="visited") as environment:
         play(environment, 1)
     axes = scan(state_file(tmp_path / "visited")).header.observations
-    assert [(axis.name, axis.low, axis.high) for axis in axes] == [("obs_0", None, None), ("obs_1", None, None)]
+    assert [(axis.name, axis.low, axis.high) for axis in axes] == [("observation_0", None, None), ("observation_1", None, None)]
 
 
 def test_observations_of_any_shape_are_flattened(tmp_path):
@@ -250,7 +250,7 @@ def test_observations_of_any_shape_are_flattened(tmp_path):
 
     with RecordVisitation(Grid(2, spaces.Box(0, 20, (2, 3), np.uint8)), tmp_path) as environment:
         play(environment, 1)
-    assert [axis.name for axis in scan(state_file(tmp_path)).header.observations][3:] == ["obs_1_0", "obs_1_1", "obs_1_2"]
+    assert [axis.name for axis in scan(state_file(tmp_path)).header.observations][3:] == ["observation_1_0", "observation_1_1", "observation_1_2"]
     (episode,) = episodes_of(state_file(tmp_path), 6, 1)
     assert np.array_equal(episode["states"], np.arange(6) + np.arange(3)[:, None])
 
@@ -264,7 +264,7 @@ def test_observations_of_any_shape_are_flattened(tmp_path):
         ({"names": ["a", "reward"]}, "another column"),
         ({"names": ["a", "b=c"]}, "without '='"),
         ({"units": {"z": "m"}}, "units names 'z'"),
-        ({"ranges": {"obs_0": (1, 1)}}, "low < high"),
+        ({"ranges": {"observation_0": (1, 1)}}, "low < high"),
         ({"ranges": [(0, math.inf), None]}, "finite numbers"),
         ({"ranges": [(0, 1)]}, "expected 2 entries"),
         ({"ranges": "all"}, "expected 2 entries"),

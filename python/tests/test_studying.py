@@ -149,8 +149,8 @@ def test_results_of_others_begin_in_the_working_directory(tmp_path: Path):
 def test_coverage_on_different_axes_is_not_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Both cells have the same episodes, and other ranges; without ranges, the axes are those of each run."""
     monkeypatch.chdir(tmp_path)
-    wide = {"obs_0": (-9, 9), "obs_1": (-9, 9), "obs_2": (-9, 9), "obs_3": (-9, 9)}
-    for name, ranges in {"wide": wide, "tight": {**wide, "obs_3": (-1, 1)}, "none": None}.items():
+    wide = {"observation_0": (-9, 9), "observation_1": (-9, 9), "observation_2": (-9, 9), "observation_3": (-9, 9)}
+    for name, ranges in {"wide": wide, "tight": {**wide, "observation_3": (-1, 1)}, "none": None}.items():
         for seed in range(2):
             folder = Path(f"{name}-{seed}")
             with seedbed.RecordVisitation(gymnasium.make("CartPole-v1"), folder, ranges=ranges, keep_unfinished=False) as environment:
@@ -166,7 +166,7 @@ def test_coverage_on_different_axes_is_not_compared(tmp_path: Path, monkeypatch:
         cells = [{"name": name, "results": f'Runs("{name}-*")'} for name in (one, other)]
         seedbed.study({"title": "x", "cells": cells, "measures": ["Coverage"], "claims": [claim]})
 
-    with pytest.raises(seedbed.InputError, match=r"`wide` and `tight` are counted on other axes: `obs_3` is -9 to 9, and -1 to 1"):
+    with pytest.raises(seedbed.InputError, match=r"`wide` and `tight` are counted on other axes: `observation_3` is -9 to 9, and -1 to 1"):
         study("wide", "tight")
     with pytest.raises(seedbed.InputError, match="axes that end at the extremes of this run; expected recordings with `ranges`"):
         study("none", "wide")

@@ -8,7 +8,7 @@ use seedbed::input_files::{self, Directory};
 use seedbed::open_loop::{self, OpenLoopError, OpenLoopPlan, OpenLoopRun};
 use seedbed::storage;
 use seedbed_env::TaskDescription;
-use seedbed_learn::algorithms::random::RandomActions;
+use seedbed_learn::agent::action_selection::ActionNoise;
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::bootstrap::bootstrap_estimate;
 
@@ -81,8 +81,8 @@ fn header(attempts: &[u32]) -> String {
     format!("{columns}\n{rules}|")
 }
 
-fn row(noise: RandomActions, runs: &[OpenLoopRun], attempts: &[u32]) -> String {
-    let mut cells = format!("| {noise} | {} |", mean_cell(runs, share));
+fn row(noise: Option<ActionNoise>, runs: &[OpenLoopRun], attempts: &[u32]) -> String {
+    let mut cells = format!("| {} | {} |", name_of(noise), mean_cell(runs, share));
     for &count in attempts {
         let found = |run: &OpenLoopRun| run.probability_to_find(count).unwrap_or(f64::NAN);
         let _ = write!(cells, " {} |", mean_cell(runs, found));
@@ -96,6 +96,10 @@ fn row(noise: RandomActions, runs: &[OpenLoopRun], attempts: &[u32]) -> String {
         best.fold(f64::NEG_INFINITY, f64::max)
     );
     cells
+}
+
+fn name_of(noise: Option<ActionNoise>) -> String {
+    noise.map_or_else(|| "uniform".to_owned(), |noise| noise.to_string())
 }
 
 /// Share of a run's episodes that reached the goal.
@@ -123,7 +127,7 @@ fn csv_header(attempts: &[u32]) -> String {
 
 fn add_csv_rows(
     table: &mut String,
-    noise: RandomActions,
+    noise: Option<ActionNoise>,
     runs: &[OpenLoopRun],
     first_seed: u64,
     attempts: &[u32],
@@ -132,8 +136,10 @@ fn add_csv_rows(
         let (mean, best) = (run.mean_return, run.best_return);
         let _ = write!(
             table,
-            "\"{noise}\",{seed},{},{},{mean},{best}",
-            run.episodes, run.goals
+            "\"{}\",{seed},{},{},{mean},{best}",
+            name_of(noise),
+            run.episodes,
+            run.goals
         );
         for &count in attempts {
             let found = run.probability_to_find(count).unwrap_or(f64::NAN);

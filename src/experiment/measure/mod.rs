@@ -34,6 +34,15 @@ pub enum Measure {
     Reach,
     /// First episode in which an agent reached the goal (see `Reach`), median over agents.
     FirstGoal,
+    /// 1 if any agent of the team reached the goal (see `Reach`), otherwise 0.
+    Found,
+    /// First episode in which any agent of the team reached the goal. Runs that do not find it are censored.
+    EpisodesToFind,
+    /// Number of steps of the team at the end of this episode. Runs that do not find the goal are censored.
+    EnvStepsToFind,
+    /// Number of episodes from the first in which any agent reached the goal to the one in which half of the agents had
+    /// reached it; 1 if it is the same. Unknown of runs that do not find the goal.
+    EpisodesToSpread,
     /// In tabular tasks, regret summed over the episodes of an agent, mean over agents. The regret
     /// of an episode is the expected return of the optimal policy minus the expected return of the
     /// agent's actions.
@@ -233,7 +242,8 @@ impl Measure {
     /// Whether this measure needs the environment steps at the end of each episode.
     #[must_use]
     pub fn counts_env_steps(self) -> bool {
-        self == Self::EnvStepsToSolve || matches!(self.moment(), Some(Moment::EnvSteps(_)))
+        matches!(self, Self::EnvStepsToSolve | Self::EnvStepsToFind)
+            || matches!(self.moment(), Some(Moment::EnvSteps(_)))
     }
 
     /// The measure as in the text of claims on which locks depend: its settings without defaults, such as
@@ -257,7 +267,12 @@ impl Measure {
     pub fn is_time(self) -> bool {
         matches!(
             self,
-            Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::FirstGoal
+            Self::EpisodesToSolve
+                | Self::EnvStepsToSolve
+                | Self::FirstGoal
+                | Self::EpisodesToFind
+                | Self::EnvStepsToFind
+                | Self::EpisodesToSpread
         )
     }
 
@@ -266,7 +281,12 @@ impl Measure {
     pub fn needs(self) -> Needs {
         match self {
             Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::Solved => Needs::Threshold,
-            Self::FirstGoal | Self::Reach => Needs::Goal,
+            Self::FirstGoal
+            | Self::Reach
+            | Self::Found
+            | Self::EpisodesToFind
+            | Self::EnvStepsToFind
+            | Self::EpisodesToSpread => Needs::Goal,
             Self::Regret | Self::RegretAbove { .. } => Needs::Tables,
             Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => needs_of_curve(of),
             Self::FinalReturn { .. }
@@ -308,14 +328,18 @@ impl Measure {
     /// Whether this measure is 0 or 1 for each run.
     #[must_use]
     pub fn is_yes_or_no(self) -> bool {
-        matches!(self, Self::Solved | Self::RegretAbove { .. })
+        matches!(self, Self::Solved | Self::Found | Self::RegretAbove { .. })
     }
 
     /// Whether this measure is a share from 0 to 1, which can be compared between tasks.
     #[must_use]
     pub fn is_share(self) -> bool {
         match self {
-            Self::Solved | Self::RegretAbove { .. } | Self::Reach | Self::Coverage => true,
+            Self::Solved
+            | Self::Found
+            | Self::RegretAbove { .. }
+            | Self::Reach
+            | Self::Coverage => true,
             Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => {
                 of.metric().range == Range::Share
             }
@@ -329,8 +353,17 @@ impl Measure {
     pub fn possible_values(self, agents: u32, end: f64) -> [f64; 2] {
         const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
         match self {
-            Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::FirstGoal => [1.0, end],
-            Self::Solved | Self::RegretAbove { .. } | Self::Reach | Self::Coverage => [0.0, 1.0],
+            Self::EpisodesToSolve
+            | Self::EnvStepsToSolve
+            | Self::FirstGoal
+            | Self::EpisodesToFind
+            | Self::EnvStepsToFind
+            | Self::EpisodesToSpread => [1.0, end],
+            Self::Solved
+            | Self::Found
+            | Self::RegretAbove { .. }
+            | Self::Reach
+            | Self::Coverage => [0.0, 1.0],
             Self::Regret | Self::SpreadOfAgents { .. } => [0.0, f64::INFINITY],
             Self::FinalReturn { .. } | Self::ReturnAt { .. } | Self::PercentileOfAgents { .. } => {
                 ANY
@@ -363,6 +396,12 @@ impl Measure {
             Self::Solved => "share solved".to_owned(),
             Self::Reach => "share of agents that reached the goal".to_owned(),
             Self::FirstGoal => "episode of the first goal".to_owned(),
+            Self::Found => "share of teams of which any agent reached the goal".to_owned(),
+            Self::EpisodesToFind => "episodes until any agent reached the goal".to_owned(),
+            Self::EnvStepsToFind => "env steps until any agent reached the goal".to_owned(),
+            Self::EpisodesToSpread => {
+                "episodes from the first agent at the goal to half of the agents".to_owned()
+            }
             Self::Regret => "regret per agent".to_owned(),
             Self::FinalReturn { window, held, .. } => {
                 let episodes = match window.get() {

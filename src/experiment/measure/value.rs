@@ -27,6 +27,15 @@ impl Measure {
                 .map(|_| f64::from(u8::from(run.solved.is_some()))),
             Self::Reach => run.has_goal().then(|| share_of_agents_with_goal(run)),
             Self::FirstGoal => run.has_goal().then(|| median(&first_goals(run))),
+            Self::Found => run
+                .has_goal()
+                .then(|| f64::from(u8::from(first_find(run).is_finite()))),
+            Self::EpisodesToFind => run.has_goal().then(|| first_find(run)),
+            Self::EnvStepsToFind => run.has_goal().then(|| env_steps_to_find(run))?,
+            Self::EpisodesToSpread => {
+                let found = Some(first_find(run)).filter(|found| found.is_finite())?;
+                Some(1.0 + median(&first_goals(run)) - found)
+            }
             Self::Regret => {
                 (!run.regrets.is_empty()).then(|| run.curve(Curve::Regret).iter().sum())
             }
@@ -103,10 +112,11 @@ impl Measure {
     #[must_use]
     pub fn time_to_event(self, run: &RunResult) -> Option<TimeToEvent> {
         let value = self.of(run)?;
-        let observed_until = if self == Self::EnvStepsToSolve {
-            run.env_steps as f64
-        } else {
-            run.episodes_per_agent() as f64
+        let episodes = run.episodes_per_agent() as f64;
+        let observed_until = match self {
+            Self::EnvStepsToSolve | Self::EnvStepsToFind => run.env_steps as f64,
+            Self::EpisodesToSpread => 1.0 + episodes - first_find(run),
+            _ => episodes,
         };
         Some(if value.is_finite() {
             TimeToEvent::observed(value)
@@ -136,6 +146,23 @@ fn first_goals(run: &RunResult) -> Vec<f64> {
         .into_iter()
         .map(|episode| episode.map_or(f64::INFINITY, f64::from))
         .collect()
+}
+
+/// First episode in which any agent reached the goal, counted from 1; infinite if none did.
+fn first_find(run: &RunResult) -> f64 {
+    first_goals(run).into_iter().fold(f64::INFINITY, f64::min)
+}
+
+/// Number of steps of the team at the end of the first episode in which an agent reached the goal; infinite if none did, and
+/// `None` if steps are unknown.
+fn env_steps_to_find(run: &RunResult) -> Option<f64> {
+    let mut steps = f64::INFINITY;
+    for (agent, goal) in run.first_goals().into_iter().enumerate() {
+        let Some(episode) = goal else { continue };
+        let ends = run.episode_ends.get(agent)?;
+        steps = steps.min(*ends.get(episode as usize - 1)? as f64);
+    }
+    Some(steps)
 }
 
 fn share_of_agents_with_goal(run: &RunResult) -> f64 {
@@ -291,6 +318,38 @@ mod tests {
         );
         run.rounding = crate::scenario::Rounding::SingleRewards;
         assert_eq!(last.of(&run), Some(499.0 / 3.0));
+    }
+
+    /// Three agents, of which the second reaches the goal of 1 first, in its second episode, after 7 steps of the team. With the
+    /// first, in the fourth one, two of three have reached it: three episodes later, counting both. The fourth episode ends
+    /// after 14 steps.
+    #[test]
+    fn finding_and_spreading_are_told_apart() {
+        let value = |measure: Measure, run: &RunResult| measure.of(run);
+        let mut run = RunResult {
+            returns: vec![
+                vec![0.0, 0.0, 0.0, 1.0],
+                vec![0.0, 1.0, 0.0, 0.0],
+                vec![0.0; 4],
+            ],
+            episode_ends: vec![vec![3, 6, 9, 14], vec![3, 7, 10, 14], vec![3, 8, 10, 14]],
+            threshold: Some((1.0, 25)),
+            env_steps: 14,
+            ..RunResult::default()
+        };
+        assert_eq!(value(Measure::Found, &run), Some(1.0));
+        assert_eq!(value(Measure::EpisodesToFind, &run), Some(2.0));
+        assert_eq!(value(Measure::EnvStepsToFind, &run), Some(7.0));
+        assert_eq!(value(Measure::EpisodesToSpread, &run), Some(3.0));
+        run.returns[0] = vec![0.0; 4];
+        assert_eq!(value(Measure::EpisodesToSpread, &run), Some(f64::INFINITY));
+        let censored = Measure::EpisodesToSpread.time_to_event(&run);
+        assert_eq!(censored, Some(TimeToEvent::censored(3.0)));
+        run.returns[1] = vec![0.0; 4];
+        assert_eq!(value(Measure::Found, &run), Some(0.0));
+        assert_eq!(value(Measure::EpisodesToFind, &run), Some(f64::INFINITY));
+        assert_eq!(value(Measure::EnvStepsToFind, &run), Some(f64::INFINITY));
+        assert_eq!(value(Measure::EpisodesToSpread, &run), None);
     }
 
     #[test]

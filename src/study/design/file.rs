@@ -118,7 +118,7 @@ impl Scaling {
         if !(measure == Measure::Regret || measure.is_time() && measure.counts_episodes()) {
             return Err(self
                 .measure
-                .error("expected `Regret`, `EpisodesToSolve` or `FirstGoal`"));
+                .error("expected `Regret`, `EpisodesToSolve`, `FirstGoal` or `EpisodesToFind`"));
         }
         let parts = self
             .diversity
@@ -499,7 +499,7 @@ impl Study {
             ));
         }
         let measure = self.measure_of(claim);
-        let counts_episodes = matches!(measure, Measure::EpisodesToSolve | Measure::FirstGoal);
+        let counts_episodes = measure.is_time() && measure.counts_episodes();
         let needs_horizon = claim.confirmatory && counts_episodes && claim.horizon.is_none();
         let has_no_maximum =
             |cell: &&NamedCell| cell.max_episodes.is_none() && self.max_episodes.is_none();

@@ -1,5 +1,7 @@
 //! How actions are chosen from a policy's distribution.
 
+use std::fmt;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +37,8 @@ pub enum ActionSelection {
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ActionNoise {
+    /// No correlation: new numbers in each step.
+    White,
     /// Pink noise (Eberhard et al. 2023): its power falls with the frequency f as 1/f.
     Pink,
     /// The process of Ornstein and Uhlenbeck (Lillicrap et al. 2016): the correlation falls as exp(−t/time).
@@ -56,11 +60,25 @@ impl ActionSelection {
     }
 }
 
+impl fmt::Display for ActionNoise {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::White => formatter.write_str("white"),
+            Self::Pink => formatter.write_str("pink"),
+            Self::OrnsteinUhlenbeck { time } => {
+                write!(formatter, "Ornstein-Uhlenbeck, {} s", time.get())
+            }
+            Self::Constant => formatter.write_str("one action per episode"),
+        }
+    }
+}
+
 impl ActionNoise {
     /// The noise for the actions of a task.
     #[must_use]
     pub fn for_task(self, spec: &TaskSpec) -> CorrelatedNoise {
         CorrelatedNoise::new(match self {
+            Self::White => Correlation::White,
             Self::Pink => Correlation::Pink {
                 steps: spec.time_limit,
             },

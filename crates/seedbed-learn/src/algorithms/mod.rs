@@ -209,6 +209,7 @@ algorithms! {
         SeedSac(seed_sac::config::SeedSac),
         SeedPsrl(seed_psrl::SeedPsrl),
         CrossEntropy(cross_entropy::CrossEntropy),
+        OpenLoopNoise(random::OpenLoopNoise),
     }
     without_parameters {
         Random(random::Random),

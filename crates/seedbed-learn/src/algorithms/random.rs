@@ -1,8 +1,6 @@
 //! Random actions, which do not depend on what an agent sees: the baseline for learning algorithms, and what a task of
 //! exploration must be hard for.
 
-use std::fmt;
-
 use rand::RngExt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,64 +12,58 @@ use crate::agent::{ActScratch, ActionRandom, Agent, Update, UpdateReport};
 use crate::experience::Experience;
 use crate::math::ln;
 use crate::nn::Tensor;
-use crate::rl::correlated_noise::{CorrelatedNoise, Correlation};
+use crate::rl::correlated_noise::CorrelatedNoise;
 use crate::rl::gaussian;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::{Action, Choice, TaskSpec};
 
-/// Random actions, which do not depend on what an agent sees: the baseline for learning algorithms.
-#[derive(Clone, Copy, Debug, Default, PartialEq, JsonSchema, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Random {
-    /// How actions are drawn.
-    pub actions: RandomActions,
-}
-
-/// How random actions are drawn. With noise, a continuous action is the middle of its range plus half of the range times
-/// noise of mean 0 and variance 1, and is kept in its range; a discrete action is drawn uniformly and then repeated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, JsonSchema, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum RandomActions {
-    /// Uniformly over the range or the choices in each step.
-    #[default]
-    Uniform,
-    /// With white noise; a new choice in each step.
-    White,
-    /// With noise that is correlated over the steps of an episode. `Pink`: choices are repeated for n steps with a
-    /// probability in proportion to 1/n² (Dabney et al. 2021); `OrnsteinUhlenbeck(time: …)`, with a time in s: they are kept
-    /// with probability exp(−step/time); `Constant`: one action for a whole episode.
-    Correlated {
-        /// How the noise is correlated.
-        noise: ActionNoise,
-    },
-}
+/// Uniformly random actions: the baseline for learning algorithms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
+pub struct Random {}
 
 impl Random {
-    /// Uniformly random actions.
-    pub const DEFAULT: Self = Self {
-        actions: RandomActions::Uniform,
-    };
+    /// The only configuration: the algorithm has no parameters.
+    pub const DEFAULT: Self = Self {};
 }
 
-impl fmt::Display for RandomActions {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Uniform => formatter.write_str("uniform"),
-            Self::White => formatter.write_str("white"),
-            Self::Correlated { noise } => match noise {
-                ActionNoise::Pink => formatter.write_str("pink"),
-                ActionNoise::OrnsteinUhlenbeck { time } => {
-                    write!(formatter, "Ornstein-Uhlenbeck, {} s", time.get())
-                }
-                ActionNoise::Constant => formatter.write_str("one action per episode"),
-            },
+/// Noise that does not depend on what an agent sees: what a task of exploration must be hard for. A continuous action is the
+/// middle of its range plus half of the range times noise of mean 0 and variance 1, and is kept in its range. A discrete action is
+/// drawn uniformly, and then repeated.
+#[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OpenLoopNoise {
+    /// How the noise is correlated over the steps of an episode: `White`, `Pink`, `OrnsteinUhlenbeck(time: …)` with a time in s, or
+    /// `Constant`. Choices are repeated for n steps with a probability in proportion to 1/n² (`Pink`; Dabney et al. 2021), are kept
+    /// with probability exp(−step/time) (`OrnsteinUhlenbeck`), or for the whole episode.
+    pub noise: ActionNoise,
+}
+
+impl Default for OpenLoopNoise {
+    fn default() -> Self {
+        Self {
+            noise: ActionNoise::Pink,
         }
+    }
+}
+
+impl AlgorithmConfig for OpenLoopNoise {
+    fn build(&self, context: &TeamContext<'_>) -> Box<dyn Team> {
+        let noise = Some(self.noise);
+        IndependentLearners::build(context, |agent| RandomAgent::new(noise, agent.spec))
+    }
+
+    fn check_schedule(&self, _: ScheduleKind) -> Result<(), ScheduleError> {
+        Ok(())
+    }
+
+    fn cost_per_step(&self, _: u32) -> f64 {
+        0.0
     }
 }
 
 impl AlgorithmConfig for Random {
     fn build(&self, context: &TeamContext<'_>) -> Box<dyn Team> {
-        IndependentLearners::build(context, |agent| RandomAgent::new(self.actions, agent.spec))
+        IndependentLearners::build(context, |agent| RandomAgent::new(None, agent.spec))
     }
 
     fn check_schedule(&self, _: ScheduleKind) -> Result<(), ScheduleError> {
@@ -85,8 +77,9 @@ impl AlgorithmConfig for Random {
 
 /// An agent that chooses actions at random and does not learn.
 pub struct RandomAgent {
-    draws: RandomActions,
-    /// The noise of continuous actions, unless they are uniform.
+    /// How the noise is correlated; `None`: actions are uniform.
+    kind: Option<ActionNoise>,
+    /// The noise of continuous actions.
     noise: Option<CorrelatedNoise>,
     actions: Vec<Action>,
     /// Time between two actions, s.
@@ -94,21 +87,15 @@ pub struct RandomAgent {
 }
 
 impl RandomAgent {
-    /// A random agent for a task.
+    /// A random agent for a task. `kind`: how the noise is correlated; `None`: actions are uniform
     #[must_use]
-    pub fn new(draws: RandomActions, spec: &TaskSpec) -> Self {
-        let has_continuous = spec
-            .actions
-            .iter()
-            .any(|action| action.choice == Choice::Continuous);
-        let noise = match draws {
-            RandomActions::Uniform => None,
-            RandomActions::White => Some(CorrelatedNoise::new(Correlation::White)),
-            RandomActions::Correlated { noise } => Some(noise.for_task(spec)),
-        };
+    pub fn new(kind: Option<ActionNoise>, spec: &TaskSpec) -> Self {
+        let mut actions = spec.actions.iter();
+        let has_continuous = actions.any(|action| action.choice == Choice::Continuous);
+        let noise = kind.filter(|_| has_continuous);
         Self {
-            draws,
-            noise: noise.filter(|_| has_continuous),
+            kind,
+            noise: noise.map(|noise| noise.for_task(spec)),
             actions: spec.actions.clone(),
             control_step: spec.control_step as f32,
         }
@@ -126,24 +113,22 @@ impl RandomAgent {
 
     /// For how many steps a new choice is made.
     fn duration(&self, random: &mut ActionRandom) -> u32 {
-        match self.draws {
-            RandomActions::Uniform | RandomActions::White => 1,
-            RandomActions::Correlated { noise } => match noise {
-                ActionNoise::Pink => draw_duration(&mut random.stream),
-                ActionNoise::OrnsteinUhlenbeck { time } => {
-                    // ln(u) / ln(exp(−step/time)) is exponential with mean time/step.
-                    let uniform: f32 = 1.0 - random.stream.random::<f32>();
-                    1 + (-ln(uniform) * time.get_f32() / self.control_step) as u32
-                }
-                ActionNoise::Constant => u32::MAX,
-            },
+        match self.kind {
+            None | Some(ActionNoise::White) => 1,
+            Some(ActionNoise::Pink) => draw_duration(&mut random.stream),
+            Some(ActionNoise::OrnsteinUhlenbeck { time }) => {
+                // ln(u) / ln(exp(−step/time)) is exponential with mean time/step.
+                let uniform: f32 = 1.0 - random.stream.random::<f32>();
+                1 + (-ln(uniform) * time.get_f32() / self.control_step) as u32
+            }
+            Some(ActionNoise::Constant) => u32::MAX,
         }
     }
 
     /// A continuous action and the logarithm of its density, before it is kept in its range.
     fn draw(&self, [low, high]: [f32; 2], draw: &mut ActionDraw<'_>) -> (f32, f32) {
         let half = 0.5 * (high - low);
-        if self.draws == RandomActions::Uniform {
+        if self.kind.is_none() {
             let action = draw.stream().random_range(low..=high);
             return (action, -ln(high - low));
         }
@@ -177,7 +162,7 @@ impl Agent for RandomAgent {
     }
 
     fn update(&mut self, _: &Experience<'_>) -> Update {
-        let is_uniform = self.draws == RandomActions::Uniform;
+        let is_uniform = self.kind.is_none();
         let entropy = is_uniform.then(|| self.actions.iter().map(entropy).sum());
         Update::from(UpdateReport {
             entropy,
