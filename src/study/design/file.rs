@@ -86,12 +86,15 @@ pub struct Study {
 }
 
 /// The gate for tasks of exploration: a task counts only if the best undirected baseline of a team
-/// reaches less than 0.2 in a measure, and some method of an equal team more than 0.8.
+/// is below 0.2 in a measure with its whole interval, and some method of an equal team above 0.8, with its interval above 0.5.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Exploration {
     /// Cells that explore by random actions only.
     pub undirected: Vec<Located<String>>,
+    /// An undirected cell, and the cell that shows that it learns an easy variant of the task, in which it must be above 0.8.
+    #[serde(default)]
+    pub easy: Vec<(Located<String>, Located<String>)>,
     /// A share, such as `Solved` or `Reach`.
     pub measure: Located<Measure>,
 }
@@ -418,9 +421,13 @@ impl Study {
         let compared = self.claims.iter().flat_map(Claim::cells);
         let drawn = self.figures.iter().flat_map(Figure::cells);
         let exploration = self.exploration.iter();
-        let undirected = exploration.flat_map(|exploration| &exploration.undirected);
+        let undirected = exploration
+            .clone()
+            .flat_map(|exploration| &exploration.undirected);
+        let easy = exploration.flat_map(|exploration| &exploration.easy);
+        let easy = easy.flat_map(|(baseline, easy)| [baseline, easy]);
         let is_unknown = |name: &&Located<String>| !cells.contains(&name.as_str());
-        let named = compared.chain(drawn).chain(undirected);
+        let named = compared.chain(drawn).chain(undirected).chain(easy);
         if let Some(name) = named.into_iter().find(is_unknown) {
             return Err(name.unknown_name("cell", cells.iter().copied()));
         }

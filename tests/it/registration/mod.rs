@@ -292,7 +292,7 @@ fn power_says_how_many_runs_each_claim_needs() {
 #[test]
 fn a_study_says_whether_its_task_is_one_of_exploration() {
     let gate = r#"exploration: (undirected: ["random"], measure: Reach),"#;
-    let fixture = Fixture::new(&format!("repeats: 3, {gate}"));
+    let fixture = Fixture::new(&format!("repeats: 12, {gate}"));
     let printed = fixture.succeed(&[]);
     let expected = "gate       `DeepSea` with K = 10 is a task of exploration: the share of agents that \
                     reached the goal is ";
