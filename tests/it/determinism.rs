@@ -236,6 +236,25 @@ fn a_crashed_asynchronous_run_resumes_to_the_same_bits() {
     ]);
 }
 
+/// The checkpoint includes the state of noise in the middle of episodes.
+#[test]
+fn crashed_runs_with_correlated_noise_resume_to_the_same_bits() {
+    for actions in ["Pink", "OrnsteinUhlenbeck(time: 0.3)"] {
+        let actions = format!("algorithm.actions=Correlated(noise: {actions})");
+        assert_resumed_run_gives_the_same_bits(&[
+            "--set",
+            ASYNCHRONOUS_OVERRIDE,
+            "--set",
+            &actions,
+        ]);
+    }
+    let open_loop = "algorithm=OpenLoopNoise(noise: Pink)";
+    assert_resumed_run_gives_the_same_bits(&["--set", ASYNCHRONOUS_OVERRIDE, "--set", open_loop]);
+    let repeated = "algorithm=QLearning(exploration: EpsilonZGreedy(from: 1, to: 0.3, steps: 500))";
+    let lockstep = "schedule=Lockstep(learn_every: 2)";
+    assert_resumed_run_gives_the_same_bits(&["--set", repeated, "--set", lockstep]);
+}
+
 /// The checkpoint includes the dynamics model and the transitions on which it is trained.
 #[test]
 fn a_crashed_run_with_a_vime_bonus_resumes_to_the_same_bits() {

@@ -238,6 +238,113 @@ fn each_goal_that_a_run_draws_can_be_reached() {
     assert_each_goal_can_be_reached("corridors_rules", true, 200);
 }
 
+/// The push through a corridor with hooks, in the frame of its first lane: to the end of a lane, aside to the next one, and so on.
+/// `s`: place and velocity in this frame
+fn through_hooks([along, aside, v_along, v_aside]: [f32; 4], hooks: f32) -> [f32; 2] {
+    let lane = ((aside + 1.0) / 2.0).floor().max(0.0);
+    let is_in_lane = (aside - 2.0 * lane).abs() < 0.45;
+    let end_of = |lane: f32| if lane % 2.0 == 0.0 { 5.5 } else { 2.5 };
+    let end = end_of(lane);
+    let target = if is_in_lane && lane == hooks {
+        [if end > 5.0 { 5.9 } else { 2.1 }, 2.0 * lane]
+    } else if is_in_lane && (along - end).abs() > 0.2 {
+        [end, 2.0 * lane]
+    } else {
+        let below = (aside / 2.0).floor().max(0.0);
+        [end_of(if is_in_lane { lane } else { below }), aside + 1.0]
+    };
+    [
+        3.0 * (target[0] - along) - 2.0 * v_along,
+        3.0 * (target[1] - aside) - 2.0 * v_aside,
+    ]
+}
+
+/// A policy that knows the corridor walks through its hooks, and is never rewarded in a run with another one.
+#[test]
+fn corridors_with_hooks_can_be_walked_through() {
+    for (name, hooks) in [("hooks_1", 1.0), ("hooks_3", 3.0), ("hooks_4", 4.0)] {
+        for goal in 0..4_u8 {
+            let angle = f32::from(goal) * std::f32::consts::FRAC_PI_2;
+            let (sin, cos) = angle.sin_cos();
+            let policy = |s: &[f32]| {
+                let in_frame = |x: f32, y: f32| [cos * x + sin * y, cos * y - sin * x];
+                let ([along, aside], [v, w]) = (in_frame(s[0], s[1]), in_frame(s[2], s[3]));
+                let [a, b] = through_hooks([along, aside, v, w], hooks);
+                [cos * a - sin * b, sin * a + cos * b]
+                    .map(|push| push.clamp(-1.0, 1.0))
+                    .to_vec()
+            };
+            let play = |drawn: u8| {
+                let run = run_with(&task(name), f32::from(drawn));
+                play_in(&mut *build(&run, Physics::Rapier, 1).unwrap(), 5, &policy)
+            };
+            let there = play(goal);
+            assert!(
+                there
+                    .iter()
+                    .all(|&(total, steps)| total == 1.0 && steps < 450),
+                "{name}, goal {goal}: {there:?}"
+            );
+            let elsewhere = play((goal + 1) % 4);
+            assert!(
+                elsewhere.iter().all(|&(total, _)| total == 0.0),
+                "{name}: {elsewhere:?}"
+            );
+        }
+    }
+}
+
+/// A motor that pushes with the motion crosses hills, and one that pushes to one side never does. Where the car moves to the wrong
+/// side of its valley with enough energy to leave it, it brakes.
+#[test]
+fn hills_are_crossed_by_swinging() {
+    for (name, side) in [
+        ("hills_1", 0_u8),
+        ("hills_3", 0),
+        ("hills_3", 1),
+        ("hills_5", 1),
+    ] {
+        let to_goal = 1.0 - 2.0 * f32::from(side);
+        let run = run_with(&task(name), f32::from(side));
+        let swing = |s: &[f32]| {
+            // 2/π (1 − cos(π x/2)) is the potential, 4/π its height.
+            let energy = 0.5 * s[1] * s[1]
+                + std::f32::consts::FRAC_2_PI * (1.0 - (std::f32::consts::FRAC_PI_2 * s[0]).cos());
+            let is_wrong = s[1] * to_goal < 0.0 && energy > 1.1;
+            vec![if is_wrong {
+                -s[1].signum()
+            } else {
+                s[1].signum()
+            }]
+        };
+        let mut environment = build(&run, Physics::Rapier, 1).unwrap();
+        let swung = play_in(&mut *environment, 10, &swing);
+        assert!(
+            swung.iter().all(|&(total, _)| total == 1.0),
+            "{name}, side {side}: {swung:?}"
+        );
+        let pushed = play_in(&mut *environment, 10, &|_: &[f32]| vec![to_goal]);
+        assert!(
+            pushed.iter().all(|&(total, _)| total == 0.0),
+            "{name}: {pushed:?}"
+        );
+    }
+}
+
+/// A torque with the motion of the elbow adds energy until the tip is high on either side; a constant one does not lift it.
+#[test]
+fn a_weak_motor_swings_two_links_up() {
+    for side in [0.0, 1.0] {
+        let run = run_with(&task("acrobot_side"), side);
+        let mut environment = build(&run, Physics::Rapier, 1).unwrap();
+        let swung = play_in(&mut *environment, 10, &|s: &[f32]| vec![s[5].signum()]);
+        let successes = swung.iter().filter(|&&(total, _)| total == 1.0).count();
+        assert!(successes >= 8, "side {side}: {swung:?}");
+        let pushed = play_in(&mut *environment, 10, &|_: &[f32]| vec![1.0]);
+        assert!(pushed.iter().all(|&(total, _)| total == 0.0), "{pushed:?}");
+    }
+}
+
 /// Noise is uniform from −1 to 1 in the noisy corridor: its mean and its autocorrelation are within
 /// five standard errors of 0, its variance is near 1/3, and it goes on when the puck is at rest.
 /// Elsewhere it is 0.
