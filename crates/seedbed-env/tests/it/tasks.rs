@@ -241,7 +241,7 @@ fn each_goal_that_a_run_draws_can_be_reached() {
 /// The push through a corridor with hooks, in the frame of its first lane: to the end of a lane, aside to the next one, and so on.
 /// `s`: place and velocity in this frame
 fn through_hooks([along, aside, v_along, v_aside]: [f32; 4], hooks: f32) -> [f32; 2] {
-    let lane = ((aside + 1.0) / 2.0).floor().max(0.0);
+    let lane = (0.5 * aside + 0.5).floor().max(0.0);
     let is_in_lane = (aside - 2.0 * lane).abs() < 0.45;
     let end_of = |lane: f32| if lane % 2.0 == 0.0 { 5.5 } else { 2.5 };
     let end = end_of(lane);

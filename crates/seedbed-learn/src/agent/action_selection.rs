@@ -83,7 +83,7 @@ impl ActionNoise {
                 steps: spec.time_limit,
             },
             Self::OrnsteinUhlenbeck { time } => Correlation::OrnsteinUhlenbeck {
-                time: (time.get() / f64::from(spec.control_step)) as f32,
+                time: (time.get() / spec.control_step) as f32,
             },
             Self::Constant => Correlation::Constant,
         })
