@@ -119,7 +119,7 @@ impl RandomAgent {
             Some(ActionNoise::OrnsteinUhlenbeck { time }) => {
                 // ln(u) / ln(exp(−step/time)) is exponential with mean time/step.
                 let uniform: f32 = 1.0 - random.stream.random::<f32>();
-                1 + (-ln(uniform) * time.get_f32() / self.control_step) as u32
+                ((-ln(uniform) * time.get_f32() / self.control_step) as u32).saturating_add(1)
             }
             Some(ActionNoise::Constant) => u32::MAX,
         }
@@ -193,5 +193,71 @@ fn entropy(component: &Action) -> f32 {
     match &component.choice {
         Choice::Discrete(values) => ln(values.len() as f32),
         Choice::Continuous => ln(component.quantity.range[1] - component.quantity.range[0]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use seedbed_input::numbers::ranged_number;
+    use seedbed_random::{Purpose, stream};
+
+    /// The choices of `steps` steps of an episode, of two, 0.1 s apart.
+    fn choices(kind: Option<ActionNoise>, episode: u32, steps: usize) -> Vec<f32> {
+        let quantity = seedbed_env::Quantity {
+            name: "push".to_owned(),
+            unit: String::new(),
+            range: [0.0, 1.0],
+        };
+        let choice = Choice::Discrete(vec![0.0, 1.0]);
+        let actions = vec![Action { quantity, choice }];
+        let mut spec = TaskSpec::new("test", Vec::new(), actions);
+        spec.control_step = 0.1;
+        let agent = RandomAgent::new(kind, &spec);
+        let mut random = ActionRandom::from(stream(3, Purpose::Action, 0, episode));
+        let mut chosen = Vec::new();
+        for _ in 0..steps {
+            let (mut action, mut log_prob) = ([0.0], [0.0]);
+            let scratch = &mut ActScratch::default();
+            agent.act(&[], &mut random, scratch, &mut action, &mut log_prob);
+            assert!((log_prob[0] + std::f32::consts::LN_2).abs() < 1e-6);
+            chosen.push(action[0]);
+        }
+        chosen
+    }
+
+    /// Half of the new choices differ from the one before. There is a new one in each step, and with noise of 1 s in a share of
+    /// 1 − exp(−0.1) = 0.0952 of the steps. Tolerances are six standard errors of independent steps.
+    #[test]
+    fn choices_are_repeated_as_long_as_the_noise_lasts() {
+        let time = ranged_number(1.0);
+        for (kind, expected) in [
+            (None, 0.5),
+            (Some(ActionNoise::White), 0.5),
+            (Some(ActionNoise::OrnsteinUhlenbeck { time }), 0.0476),
+        ] {
+            let chosen = choices(kind, 0, 20_000);
+            let changes = chosen.windows(2).filter(|pair| pair[0] != pair[1]).count();
+            let (share, error) = (changes as f64 / 2e4, (expected / 2e4_f64).sqrt());
+            assert!((share - expected).abs() < 6.0 * error, "{kind:?}: {share}");
+        }
+    }
+
+    #[test]
+    fn one_choice_lasts_for_an_episode() {
+        let of_episodes = [0, 1, 2, 3, 4, 5].map(|episode| {
+            let chosen = choices(Some(ActionNoise::Constant), episode, 100);
+            assert!(chosen.iter().all(|&choice| choice == chosen[0]));
+            chosen[0]
+        });
+        assert!(of_episodes.contains(&0.0) && of_episodes.contains(&1.0));
+    }
+
+    /// A correlation time beyond all numbers of steps keeps a choice, too.
+    #[test]
+    fn noise_may_be_slower_than_every_episode() {
+        let time = ranged_number(1e30);
+        let chosen = choices(Some(ActionNoise::OrnsteinUhlenbeck { time }), 0, 100);
+        assert!(chosen.iter().all(|&choice| choice == chosen[0]));
     }
 }
