@@ -134,6 +134,16 @@ fn finish(search: &Search<'_>, folder: &StudyFolder) -> Result<(), CliError> {
             say!("  {line}");
         }
     }
+    for (index, method) in search.plan.methods.iter().enumerate() {
+        let values = search.values_at_edges(index);
+        if !values.is_empty() {
+            note!(
+                "warning: the best configuration of `{}` is at the edge of a range: {}; a wider one may have a better value",
+                method.name,
+                values.join(", ")
+            );
+        }
+    }
     say!(
         "\nMeans of chosen configurations are optimistic: evaluate them in a study, with other run seeds."
     );

@@ -129,6 +129,26 @@ fn the_search_chooses_the_step_size_that_learns() {
     }
 }
 
+/// The largest of three step sizes is the only one that learns: larger ones may be better.
+#[test]
+fn a_best_value_at_the_edge_of_its_range_is_a_warning() {
+    let [idle, working] = STEP_SIZES;
+    let three = format!(r#"draw: Choice(["{idle}", "0.000000002", "{working}"])"#);
+    let two = format!(r#"draw: Choice(["{idle}", "{working}"])"#);
+    let text = toy_text("Maximize");
+    assert!(text.contains(&two));
+    for (text, is_at_edge) in [(text.replace(&two, &three), true), (text, false)] {
+        let (_folder, path, out) = write_tuning(&text);
+        let output = tune(&path, "27", &out, &[]);
+        assert!(output.status.success(), "{output:?}");
+        let warning = format!(
+            "warning: the best configuration of `q` is at the edge of a range: step size {working}; a wider one may have a \
+             better value"
+        );
+        assert_eq!(stderr(&output).contains(&warning), is_at_edge, "{output:?}");
+    }
+}
+
 /// Whatever the number of configurations of a method, it gets all runs of the budget and not one more,
 /// with run seeds from 0 on, and a configuration of a later rung keeps its runs.
 #[test]

@@ -168,6 +168,22 @@ impl Search<'_> {
         lines
     }
 
+    /// What the best configuration of a method has from the edge of a range, such as `step size 0.00012`. The method may be better
+    /// beyond.
+    #[must_use]
+    pub fn values_at_edges(&self, method: usize) -> Vec<String> {
+        let tuned = &self.plan.methods[method];
+        let values = &tuned.configurations[self.best(method) - tuned.cells.start];
+        let tuning = self.plan.tuning();
+        let parameters = tuning.parameters(&tuning.methods[method]);
+        let at_edges = parameters
+            .zip(values)
+            .filter(|(parameter, value)| parameter.draw.is_at_an_edge(value));
+        at_edges
+            .map(|(parameter, value)| format!("{} {value}", parameter.name()))
+            .collect()
+    }
+
     fn row(&self, method: &TunedMethod, cell: usize) -> Vec<String> {
         let tried = &self.configurations[cell];
         let estimate = self.estimate(tried);

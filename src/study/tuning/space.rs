@@ -58,6 +58,39 @@ impl Parameter {
     }
 }
 
+/// Share of a range that counts as its edge.
+const EDGE: f64 = 0.1;
+
+impl Distribution {
+    /// Whether a drawn value is at an edge of the range: better ones may lie beyond. Of texts, the smallest and the largest of at
+    /// least three numbers.
+    pub(super) fn is_at_an_edge(&self, text: &str) -> bool {
+        let Ok(value) = text.parse::<f64>() else {
+            return false;
+        };
+        let share = match self {
+            Self::Uniform(low, high) => (value - low.get()) / (high.get() - low.get()),
+            Self::LogUniform(low, high) => (value / low.get()).ln() / (high.get() / low.get()).ln(),
+            Self::Integer(low, high) => {
+                let ends = [low, high].map(|end| f64::from(*end));
+                return high - low >= 2 && ends.contains(&value);
+            }
+            Self::Choice(texts) => return is_extreme_of(value, texts),
+        };
+        !(EDGE..=1.0 - EDGE).contains(&share)
+    }
+}
+
+/// Whether a number is the smallest or the largest of at least three different ones.
+fn is_extreme_of(value: f64, texts: &[Located<String>]) -> bool {
+    let numbers: Option<Vec<f64>> = texts.iter().map(|text| text.parse().ok()).collect();
+    numbers.is_some_and(|numbers| {
+        let is_below = numbers.iter().any(|other| *other < value);
+        let is_above = numbers.iter().any(|other| *other > value);
+        numbers.len() >= 3 && is_below != is_above
+    })
+}
+
 impl<'a> Value<'a> {
     fn unnamed(text: String) -> Self {
         Self { text, place: None }
@@ -111,6 +144,45 @@ mod tests {
         assert!((mean - 1e-3_f64.ln()).abs() < 5.0 * error, "{mean}");
         let below = numbers.iter().filter(|number| **number < 1e-3).count();
         assert!((900..1100).contains(&below), "{below}");
+    }
+
+    /// The outer tenths of a range, of its logarithm, and the ends of lists.
+    #[test]
+    fn values_at_the_edges_of_ranges_are_seen() {
+        for (draw, inside, at_edges) in [
+            ("Uniform(-1, 3)", ["-0.6", "2.6"], ["-0.61", "2.61"]),
+            (
+                "LogUniform(1e-4, 1e-2)",
+                ["0.00016", "0.0063"],
+                ["0.00015", "0.0064"],
+            ),
+            ("Integer(1, 3)", ["2", "2"], ["1", "3"]),
+            (r#"Choice(["0.1", "1", "10"])"#, ["1", "1"], ["0.1", "10"]),
+        ] {
+            let text = format!("(set: [\"x={{}}\"], draw: {draw})");
+            let parameter: Parameter = seedbed_input::parse("x.ron", text).unwrap().value;
+            assert!(
+                inside
+                    .iter()
+                    .all(|text| !parameter.draw.is_at_an_edge(text)),
+                "{draw}"
+            );
+            assert!(
+                at_edges
+                    .iter()
+                    .all(|text| parameter.draw.is_at_an_edge(text)),
+                "{draw}"
+            );
+        }
+        for draw in [
+            r#"Choice(["true", "false", "1"])"#,
+            r#"Choice(["1", "2"])"#,
+            "Integer(0, 1)",
+        ] {
+            let text = format!("(set: [\"x={{}}\"], draw: {draw})");
+            let parameter: Parameter = seedbed_input::parse("x.ron", text).unwrap().value;
+            assert!(!parameter.draw.is_at_an_edge("1"), "{draw}");
+        }
     }
 
     #[test]
