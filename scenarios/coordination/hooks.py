@@ -11,7 +11,7 @@ def main() -> None:
     end = "along > 5.5" if hooks % 2 == 0 else "along > 2 && along < 2.5"
     goal = f"{end} && aside > {2 * hooks - 0.5:g} && aside < {2 * hooks + 0.5:g}"
     count = f"{hooks} hook{'s' if hooks > 1 else ''}"
-    print(TASK % {"count": count, "limit": 300 + 50 * (hooks + 1), "boxes": boxes, "goal": goal})
+    print(TASK % {"count": count, "limit": 300 + 50 * (hooks + 1), "boxes": boxes, "goal": goal, "reach": max(6.0, 2 * hooks + 0.5)})
 
 
 def walls_of_arm(hooks: int) -> list[tuple[float, float, float, float]]:
@@ -78,8 +78,8 @@ Environment(
         (name: "aside", type: Formula("cos(goal * pi / 2) * y - sin(goal * pi / 2) * x")),
     ],
     observations: [
-        (name: "x", unit: "m", range: (-6.0, 6.0)),
-        (name: "y", unit: "m", range: (-6.0, 6.0)),
+        (name: "x", unit: "m", range: (-%(reach)s, %(reach)s)),
+        (name: "y", unit: "m", range: (-%(reach)s, %(reach)s)),
         (name: "x_dot", unit: "m/s", range: (-3.0, 3.0)),
         (name: "y_dot", unit: "m/s", range: (-3.0, 3.0)),
     ],
