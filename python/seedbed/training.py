@@ -44,6 +44,7 @@ AlgorithmName: TypeAlias = Literal[
     "SeedSac",
     "SeedPsrl",
     "CrossEntropy",
+    "OpenLoopNoise",
     "Random",
 ]
 """Names of algorithms, as `seedbed list algorithms` shows them."""
