@@ -242,8 +242,7 @@ impl Measure {
     /// Whether this measure needs the environment steps at the end of each episode.
     #[must_use]
     pub fn counts_env_steps(self) -> bool {
-        matches!(self, Self::EnvStepsToSolve | Self::EnvStepsToFind)
-            || matches!(self.moment(), Some(Moment::EnvSteps(_)))
+        self.is_time_in_env_steps() || matches!(self.moment(), Some(Moment::EnvSteps(_)))
     }
 
     /// The measure as in the text of claims on which locks depend: its settings without defaults, such as
@@ -274,6 +273,12 @@ impl Measure {
                 | Self::EnvStepsToFind
                 | Self::EpisodesToSpread
         )
+    }
+
+    /// Whether this measure is a time in environment steps of the team, not in episodes.
+    #[must_use]
+    pub fn is_time_in_env_steps(self) -> bool {
+        matches!(self, Self::EnvStepsToSolve | Self::EnvStepsToFind)
     }
 
     /// Requirement that a run must fulfill for this measure.

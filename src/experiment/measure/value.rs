@@ -114,7 +114,7 @@ impl Measure {
         let value = self.of(run)?;
         let episodes = run.episodes_per_agent() as f64;
         let observed_until = match self {
-            Self::EnvStepsToSolve | Self::EnvStepsToFind => run.env_steps as f64,
+            _ if self.is_time_in_env_steps() => run.env_steps as f64,
             Self::EpisodesToSpread => 1.0 + episodes - first_find(run),
             _ => episodes,
         };

@@ -118,7 +118,13 @@ impl Scaling {
     /// The invalid field, and the reason.
     fn check(&self, cells: &[&str]) -> Result<(), ValidationError> {
         let measure = *self.measure;
-        if !(measure == Measure::Regret || measure.is_time() && measure.counts_episodes()) {
+        if !matches!(
+            measure,
+            Measure::Regret
+                | Measure::EpisodesToSolve
+                | Measure::FirstGoal
+                | Measure::EpisodesToFind
+        ) {
             return Err(self
                 .measure
                 .error("expected `Regret`, `EpisodesToSolve`, `FirstGoal` or `EpisodesToFind`"));
@@ -506,7 +512,7 @@ impl Study {
             ));
         }
         let measure = self.measure_of(claim);
-        let counts_episodes = measure.is_time() && measure.counts_episodes();
+        let counts_episodes = measure.is_time() && !measure.is_time_in_env_steps();
         let needs_horizon = claim.confirmatory && counts_episodes && claim.horizon.is_none();
         let has_no_maximum =
             |cell: &&NamedCell| cell.max_episodes.is_none() && self.max_episodes.is_none();
@@ -566,11 +572,12 @@ impl Study {
                 .paired
                 .error("shares of runs cannot be paired; expected `paired: false`"));
         }
-        if measure == Measure::EnvStepsToSolve && claim.horizon.is_none() {
-            return Err(claim.compare.0.error(
-                "a claim on `EnvStepsToSolve` needs `horizon`, the number of environment steps up \
+        if measure.is_time_in_env_steps() && claim.horizon.is_none() {
+            return Err(claim.compare.0.error(format!(
+                "a claim on `{}` needs `horizon`, the number of environment steps up \
                  to which times are compared",
-            ));
+                measure.canonical_text()
+            )));
         }
         let is_of_shares = matches!(claim.expected.as_deref(), Some(Expected::Shares(..)));
         match &claim.expected {

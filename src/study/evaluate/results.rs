@@ -260,7 +260,7 @@ impl Results {
 /// smallest maximum number of episodes. Number of environment steps: the [`earliest_end`].
 #[must_use]
 pub fn default_horizon(cells: &[&CellResults], measure: Measure) -> f64 {
-    if measure == Measure::EnvStepsToSolve {
+    if measure.is_time_in_env_steps() {
         return earliest_end(cells, measure);
     }
     let max_episodes = cells.iter().map(|cell| cell.description.max_episodes);
@@ -332,7 +332,7 @@ impl CellResults {
             env_steps,
             ..
         } = self.unknown();
-        !(episodes && measure.counts_episodes() || env_steps && measure == Measure::EnvStepsToSolve)
+        !(episodes && measure.counts_episodes() || env_steps && measure.is_time_in_env_steps())
     }
 
     /// Name of a run that others made.

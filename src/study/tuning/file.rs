@@ -158,11 +158,12 @@ impl Tuning {
         if self.methods.is_empty() {
             return Err(self.methods.error("expected at least one method"));
         }
-        if *self.measure == Measure::EnvStepsToSolve && self.horizon.is_none() {
-            return Err(self.measure.error(
-                "`EnvStepsToSolve` needs `horizon`, the number of environment steps as which runs \
+        if self.measure.is_time_in_env_steps() && self.horizon.is_none() {
+            return Err(self.measure.error(format!(
+                "`{}` needs `horizon`, the number of environment steps as which runs \
                  count that take longer",
-            ));
+                self.measure.canonical_text()
+            )));
         }
         if !self.measure.is_time() && self.horizon.is_some() {
             return Err(self

@@ -73,7 +73,7 @@ impl Row<'_> {
             return Ok(None);
         }
         let is_censored = measure.is_time() && !value.is_finite();
-        let end = if measure == Measure::EnvStepsToSolve {
+        let end = if measure.is_time_in_env_steps() {
             "env_steps"
         } else {
             "episodes"
@@ -184,7 +184,7 @@ impl Row<'_> {
         }
         let is_unreached_time = measure.is_time() && value == f64::INFINITY;
         let end = |name: &str| self.value(name).ok().flatten().unwrap_or(f64::INFINITY);
-        let end = if measure == Measure::EnvStepsToSolve {
+        let end = if measure.is_time_in_env_steps() {
             end("env_steps")
         } else {
             end("episodes")
