@@ -547,7 +547,7 @@ mod tests {
     fn digest(overrides: &[&str]) -> String {
         let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
         load(Path::new("scenarios/cartpole.ron"), &overrides)
-            .expect("a valid scenario")
+            .unwrap_or_else(|error| panic!("{error}"))
             .experiment
             .digest()
     }
@@ -568,6 +568,14 @@ mod tests {
             digest(&[])
         );
         assert_ne!(digest(&["agents.count=5"]), digest(&[]));
+        // 0.001 is the default of an optimizer, but not of this one.
+        let with_step_size = |step_size: &str| {
+            let setting = format!("algorithm.policy_optimizer.step_size={step_size}");
+            digest(&["environment=pendulum", "algorithm=SeedSac()", &setting])
+        };
+        let usual = digest(&["environment=pendulum", "algorithm=SeedSac()"]);
+        assert_eq!(with_step_size("0.0003"), usual);
+        assert_ne!(with_step_size("0.001"), usual);
         // The window of `stop` has the same name, but learning depends on it.
         assert_ne!(
             digest(&["stop=Solved(return: 1, window: 50, at_most: 99)"]),

@@ -95,7 +95,9 @@ impl Settings {
                 }
             }
             Value::Record { name, fields } => {
-                self.insert_name(path, *name);
+                // `()` is a value: it differs from a field that is left out where the default of the field is not that
+                // of its type.
+                self.insert_name(path, name.or(fields.is_empty().then_some("()")));
                 for field in fields {
                     let dot = if path.is_empty() { "" } else { "." };
                     self.add(&field.value, &format!("{path}{dot}{}", field.name));
@@ -282,14 +284,35 @@ mod tests {
     fn fields_with_defaults_are_left_out() {
         let without_zeros = |node: &Node<'_>| {
             let mut settings = Settings::of_node(node);
-            settings.values.retain(|_, value| value != "0");
+            settings
+                .values
+                .retain(|_, value| value != "0" && value != "()");
             settings
         };
         let tree = Tree::parse("A(x: 0, b: [(x: 1), (x: 0, y: 0)], c: {1: B(x: 0)})").unwrap();
         let expected = without_zeros(&tree.root);
         let is_same = |shorter: &Node<'_>| without_zeros(shorter) == expected;
         let settings = Settings::without_defaults(tree.root, is_same);
-        assert_eq!(settings.text(&[]), " = A\nb[0].x = 1\nc{1} = B");
+        assert_eq!(settings.text(&[]), " = A\nb[0].x = 1\nb[1] = ()\nc{1} = B");
+    }
+
+    /// The default of `rate` is `(step: 3)`, that of `step` alone 1.
+    #[test]
+    fn a_record_of_defaults_differs_from_a_default_that_is_another_record() {
+        let step = |node: &Node<'_>| {
+            let values = Settings::of_node(node).values;
+            let step = values.get("rate.step").map(String::as_str);
+            let whole = values.get("rate").map(|_| "1");
+            step.or(whole).unwrap_or("3").to_owned()
+        };
+        let identity = |text: &str| {
+            let tree = Tree::parse(text).unwrap();
+            let expected = step(&tree.root);
+            Settings::without_defaults(tree.root, |shorter| step(shorter) == expected).text(&[])
+        };
+        assert_eq!(identity("A(rate: (step: 3))"), " = A");
+        assert_eq!(identity("A(rate: (step: 1))"), " = A\nrate = ()");
+        assert_eq!(identity("A(rate: (step: 2))"), " = A\nrate.step = 2");
     }
 
     #[test]
