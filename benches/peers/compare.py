@@ -174,10 +174,12 @@ def lines():
     )
     for units, minibatch in ((256, 256), (128, 128), (64, 128)):
         name = f"{units}-{units}, minibatch of {minibatch}"
-        yield Line(
-            f"SAC {name}, 17 observations, 6 actions", "steps", Benchmark("soft", f"step of soft actor-critic/{name}", 1),
-            "sb3", "sb3_learning.py", "sac", "--units", str(units), "--minibatch", str(minibatch),
-        )
+        for peer, script, work in (("sb3", "sb3_learning.py", "sac"), ("jax", "jax_learning.py", "soft")):
+            yield Line(
+                f"SAC {name}, 17 observations, 6 actions, beside {peer}", "steps",
+                Benchmark("soft", f"step of soft actor-critic/{name}", 1),
+                peer, script, work, "--units", str(units), "--minibatch", str(minibatch),
+            )
     yield from lines_from_python()
     yield Line("CartPole to 195, whole process", "runs", WholeRun("cartpole_fast"), "sb3", "sb3_learning.py", "cartpole")
 
