@@ -10,6 +10,8 @@
 )]
 
 mod elementwise;
+#[cfg(test)]
+mod instruction_sets;
 mod normalization;
 mod products;
 mod transpose;
@@ -96,10 +98,10 @@ pub(super) fn parameter_gradient(
 
 #[cfg(test)]
 mod tests {
+    use super::instruction_sets::InstructionSet;
     use super::*;
     use nalgebra::DMatrix;
     use proptest::prelude::*;
-    use pulp::{Scalar, WithSimd};
 
     /// Pseudo-random numbers from −1 to 1, a hash of `seed` and their index.
     fn pseudo_random(count: usize, seed: u64) -> Vec<f32> {
@@ -178,17 +180,8 @@ mod tests {
         }
     }
 
-    /// Runs an operation without SIMD, or with the best instruction set of this processor.
-    fn run<O: WithSimd>(with_simd: bool, operation: O) -> O::Output {
-        if with_simd {
-            Arch::new().dispatch(operation)
-        } else {
-            operation.with_simd(Scalar)
-        }
-    }
-
     /// The bits of a layer: outputs, and gradients of inputs, weights and biases.
-    fn layer_bits([batch, inputs, outputs]: [usize; 3], with_simd: bool) -> Vec<u32> {
+    fn layer_bits([batch, inputs, outputs]: [usize; 3], set: InstructionSet) -> Vec<u32> {
         let (x, weight, bias, dy) = (
             pseudo_random(batch * inputs, 1),
             pseudo_random(inputs * outputs, 2),
@@ -205,7 +198,7 @@ mod tests {
             y: &mut y,
             scratch: &mut scratch,
         };
-        run(with_simd, affine);
+        set.run(affine);
         let input_gradient = InputGradient {
             weight: &weight,
             dy: &dy,
@@ -213,7 +206,7 @@ mod tests {
             outputs,
             scratch: &mut scratch,
         };
-        run(with_simd, input_gradient);
+        set.run(input_gradient);
         let weight_gradient = WeightGradient {
             x: &x,
             dy: &dy,
@@ -221,13 +214,13 @@ mod tests {
             outputs,
             scratch: &mut scratch,
         };
-        run(with_simd, weight_gradient);
+        set.run(weight_gradient);
         let bias_gradient = BiasGradient {
             dy: &dy,
             db: &mut db,
             scratch: &mut scratch,
         };
-        run(with_simd, bias_gradient);
+        set.run(bias_gradient);
         let numbers = [y, dx, dw, db].concat();
         numbers.into_iter().map(f32::to_bits).collect()
     }
@@ -238,10 +231,11 @@ mod tests {
             for inputs in [1, 3, 8, 11, 32, 100] {
                 for outputs in [1, 2, 7, 8, 13, 32, 100] {
                     let shape = [batch, inputs, outputs];
-                    assert!(
-                        layer_bits(shape, true) == layer_bits(shape, false),
-                        "{batch} × {inputs} × {outputs}"
-                    );
+                    let expected = layer_bits(shape, InstructionSet::Scalar);
+                    for set in InstructionSet::WITH_SIMD {
+                        let is_same = layer_bits(shape, set) == expected;
+                        assert!(is_same, "{set:?}: {batch} × {inputs} × {outputs}");
+                    }
                 }
             }
         }

@@ -184,9 +184,10 @@ fn total(sums: [f32; LANES]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nn::kernels::instruction_sets::InstructionSet;
 
-    /// The bits of a normalization and of its gradients, with or without SIMD.
-    fn bits(width: usize, with_simd: bool) -> Vec<u32> {
+    /// The bits of a normalization and of its gradients, with an instruction set.
+    fn bits(width: usize, set: InstructionSet) -> Vec<u32> {
         let wave = |count: usize, step: f32| -> Vec<f32> {
             (0..count).map(|i| (i as f32 * step).sin()).collect()
         };
@@ -201,37 +202,32 @@ mod tests {
             normalized: &mut normalized,
             reciprocals: &mut reciprocals,
         };
-        run(with_simd, forward);
+        set.run(forward);
         let parameters = NormalizationGradient {
             normalized: &normalized,
             dy: &dy,
             gains: &mut gain_slopes,
             shifts: &mut shift_slopes,
         };
-        run(with_simd, parameters);
+        set.run(parameters);
         let backward = NormalizeRowsGradient {
             gains: &gains,
             normalized: &normalized,
             reciprocals: &reciprocals,
             dy: &mut dy,
         };
-        run(with_simd, backward);
+        set.run(backward);
         let numbers = [y, dy, gain_slopes, shift_slopes].concat();
         numbers.into_iter().map(f32::to_bits).collect()
-    }
-
-    fn run<O: WithSimd<Output = ()>>(with_simd: bool, operation: O) {
-        if with_simd {
-            Arch::new().dispatch(operation);
-        } else {
-            operation.with_simd(pulp::Scalar);
-        }
     }
 
     #[test]
     fn bits_do_not_depend_on_the_instruction_set() {
         for width in [1, 3, 8, 17, 64, 100] {
-            assert_eq!(bits(width, true), bits(width, false), "{width}");
+            let expected = bits(width, InstructionSet::Scalar);
+            for set in InstructionSet::WITH_SIMD {
+                assert_eq!(bits(width, set), expected, "{set:?}: {width}");
+            }
         }
     }
 }

@@ -1,7 +1,5 @@
 //! Transposed matrices, in blocks of 8 × 8 numbers where the processor can exchange them in registers.
 
-use pulp::Arch;
-
 /// `matrix: [rows × columns]` → `transposed: [columns × rows]`
 #[inline(always)]
 pub(super) fn transpose(matrix: &[f32], columns: usize, transposed: &mut Vec<f32>) {
@@ -12,19 +10,21 @@ pub(super) fn transpose(matrix: &[f32], columns: usize, transposed: &mut Vec<f32
 /// `matrix: [rows × columns]` → `transposed: [columns × rows]`
 pub(super) fn transpose_into(matrix: &[f32], columns: usize, transposed: &mut [f32]) {
     let rows = matrix.len() / columns;
-    match Arch::new() {
-        #[cfg(target_arch = "x86_64")]
-        Arch::V3(simd) if rows >= x86::SIZE && columns >= x86::SIZE => {
-            let blocks = x86::Blocks {
-                simd,
-                matrix,
-                columns,
-                transposed,
-            };
-            pulp::Simd::vectorize(simd, blocks);
-        }
-        _ => transpose_numbers(matrix, columns, transposed),
+    #[cfg(target_arch = "x86_64")]
+    if rows >= x86::SIZE
+        && columns >= x86::SIZE
+        && let Some(simd) = pulp::x86::V3::try_new()
+    {
+        let blocks = x86::Blocks {
+            simd,
+            matrix,
+            columns,
+            transposed,
+        };
+        pulp::Simd::vectorize(simd, blocks);
+        return;
     }
+    transpose_numbers(matrix, columns, transposed);
 }
 
 fn transpose_numbers(matrix: &[f32], columns: usize, transposed: &mut [f32]) {
