@@ -279,6 +279,15 @@ fn a_crashed_run_with_an_entropy_bonus_resumes_to_the_same_bits() {
     ]);
 }
 
+/// The checkpoint includes the regions and their owners.
+#[test]
+fn a_crashed_run_that_divides_the_states_resumes_to_the_same_bits() {
+    for model in ["Shared", "Independent"] {
+        let bonus = format!("algorithm.bonus=Regions(model: {model}, regions: 20)");
+        assert_resumed_run_gives_the_same_bits(&["--set", &bonus]);
+    }
+}
+
 #[test]
 fn a_crashed_run_of_a_leader_resumes_to_the_same_bits() {
     assert_resumed_run_gives_the_same_bits(&[

@@ -274,7 +274,7 @@ metrics! {
         }
         /// Mean rank correlation between the bonuses that different agents give to the same steps.
         /// Measured if at least two agents have models that can differ: not with a shared model of `Rnd` or
-        /// `TeamEntropy`, which gives the same bonuses to all. With a shared model of `Vime` without
+        /// `TeamEntropy`, or of `Regions` with `others: 1`, which gives the same bonuses to all. With a shared model of `Vime` without
         /// seeds, agents differ in their random draws of the weights only.
         bonus_agreement: Option<f32> as BonusAgreement {
             title: "bonus agreement", range: Range::Correlation, group: Group::Curiosity, plotted: true

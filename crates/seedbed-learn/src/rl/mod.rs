@@ -15,3 +15,4 @@ pub mod returns;
 pub mod soft_actor_critic;
 pub mod squashed_gaussian;
 pub mod state_entropy;
+pub mod state_regions;

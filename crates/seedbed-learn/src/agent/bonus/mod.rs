@@ -8,6 +8,7 @@
 
 mod model;
 mod pairs;
+mod regions;
 mod rnd;
 mod scale;
 mod team_entropy;
@@ -20,6 +21,7 @@ use serde::{Deserialize, Serialize};
 
 pub use self::model::BonusModel;
 pub(crate) use self::pairs::TransitionPairs;
+pub use self::regions::Regions;
 pub use self::rnd::Rnd;
 pub use self::scale::{BonusScale, ModelSharing};
 pub use self::team_entropy::TeamEntropy;
@@ -193,6 +195,7 @@ bonuses! {
     Vime,
     Rnd,
     TeamEntropy,
+    Regions,
 }
 
 impl Bonus {

@@ -202,6 +202,7 @@ fn a_restored_bonus_model_continues_with_the_same_bits() {
         vime(ModelSharing::Shared, ModelSeeds::Shift),
         Bonus::Rnd(Rnd::default()),
         Bonus::TeamEntropy(TeamEntropy::default()),
+        Bonus::Regions(Regions::default()),
     ] {
         let [mut original, mut restored] = [0, 0].map(|agent| bonus_model(&bonus, agent));
         original.compute_bonuses(
@@ -361,4 +362,44 @@ fn a_team_draws_the_same_references() {
     let of_updates = [0, 1, 2, 3].map(|update| drawn(0, update));
     assert_eq!(of_updates, [0, 1, 2, 3].map(|update| drawn(7, update)));
     assert!(of_updates.iter().any(|other| *other != of_updates[0]));
+}
+
+/// Of the states 0, 0.5 and 0.05, the third is in the region of the first. The second region belongs to agent 1. After
+/// the team's first round, agent 0 gets 1/√3 in its region, 0 or half of 1/√2 in the other one, and 1 near its own, where
+/// nobody has been; its own model without a team counts all regions as its own.
+#[test]
+fn regions_of_other_agents_are_worth_less() {
+    let visited = [line(0, 0, &[0.0, 0.5, 0.05])];
+    let [third, half] = [3.0_f32, 2.0].map(|count| count.sqrt().recip());
+    for (model, others, agent, expected) in [
+        (ModelSharing::Shared, 0.0, 0, [third, 0.0, 1.0]),
+        (ModelSharing::Shared, 0.0, 1, [0.0, half, 0.0]),
+        (ModelSharing::Shared, 0.5, 0, [third, 0.5 * half, 1.0]),
+        (ModelSharing::Shared, 1.0, 1, [third, half, 1.0]),
+        (ModelSharing::Independent, 0.0, 0, [third, half, 1.0]),
+        (ModelSharing::Independent, 0.0, 1, [1.0, 1.0, 1.0]),
+    ] {
+        let config = Regions {
+            model,
+            others: ranged_number(others),
+            ..Regions::default()
+        };
+        let bonus = Bonus::Regions(config);
+        let [mut trained, mut asked] = [0, agent].map(|agent| bonus_model(&bonus, agent));
+        learn(&mut trained, &visited, 1);
+        if model == ModelSharing::Shared {
+            asked.copy_learned(&trained);
+        } else {
+            learn(&mut asked, &visited, 1);
+        }
+        let mut gains = Vec::new();
+        let next = line(agent, 1, &[0.0, 0.45, -0.2]);
+        asked.compute_gains(
+            &next,
+            1,
+            &mut stream(0, Purpose::BonusNoise, 0, 0),
+            &mut gains,
+        );
+        assert_eq!(gains, expected, "{model:?} {others} {agent}");
+    }
 }
