@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Trains SAC of Stable-Baselines3 in Gymnasium's originals with the settings of `originals.ron`, and writes a file of episodes per run.
+"""Trains SAC of Stable-Baselines3 in Gymnasium's originals with the usual settings of `originals.ron`, and writes a file of episodes per run.
 
     sb3_sac.py --seeds 1000 1001 1002                          a run of each task with each seed: an hour and a half on two cores
     seedbed study recordings/sb3_sac/sb3_sac.ron               tables and figures of all finished runs
 
-Equal are the numbers of environment and gradient steps, random steps at first, networks, minibatches, step sizes, n-step returns, discount factor, target
-rate and the target of the entropy. A run's episodes are written to OUT/TASK/SEED.monitor.csv, and a study that reads them to OUT; finished runs are skipped.
+Equal are the numbers of environment and gradient steps, random steps at first, networks, minibatches, step sizes, discount factor, target rate and the
+target of the entropy. A run's episodes are written to OUT/TASK/SEED.monitor.csv, and a study that reads them to OUT; finished runs are skipped.
 
 Needs the packages seedbed and stable-baselines3==2.9.2 with gymnasium[mujoco]. Each run uses one thread.
 """
@@ -43,7 +43,6 @@ def train(task: str, seed: int, steps: int, out: Path) -> str:
         buffer_size=1_000_000,
         learning_starts=5000,
         batch_size=128,
-        n_steps=3,
         policy_kwargs={"net_arch": [128, 128]},
         seed=seed,
         device="cpu",
@@ -62,7 +61,7 @@ def write_study(out: Path) -> Path:
     file.write_text(f"""// The episodes that `scenarios/soft_actor_critic/sb3_sac.py` has written.
 Study(
     title: "SAC of Stable-Baselines3 in Gymnasium's originals",
-    about: "The settings of scenarios/soft_actor_critic/originals.ron, and as many environment and gradient steps.",
+    about: "The usual settings of scenarios/soft_actor_critic/originals.ron, and as many environment and gradient steps.",
     cells: [
 {"".join(cell.format(task) for task in finished)}    ],
     measures: [FinalReturn(window: 20)],
