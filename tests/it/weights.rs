@@ -416,6 +416,7 @@ fn all_tensors_and_keys_are_documented() {
         ("cartpole", "SeedPg(observations: Range, bonus: Rnd())"),
         ("cartpole", "SeedPg(bonus: TeamEntropy())"),
         ("cartpole", "SeedPg(bonus: Regions())"),
+        ("cartpole", "SeedPg(bonus: Discriminator())"),
         (
             "cartpole",
             "SeedTd(learning: (observations: Running), bonus: Vime(seeds: Scale))",

@@ -27,7 +27,7 @@ use crate::state_files::{frame, small_file};
 use crate::util::{files_below, run_successful};
 
 /// Algorithms of the runs whose checkpoints are changed, with their schedules.
-const ALGORITHMS: [(&str, &str); 11] = [
+const ALGORITHMS: [(&str, &str); 12] = [
     (
         "seed_pg",
         "algorithm: SeedPg(hidden: [4], bonus: Vime(model: Independent, hidden: [4])), schedule: Asynchronous()",
@@ -39,6 +39,10 @@ const ALGORITHMS: [(&str, &str); 11] = [
     (
         "team_entropy",
         "algorithm: SeedPg(hidden: [4], bonus: TeamEntropy(references: 20)), schedule: Synchronous()",
+    ),
+    (
+        "discriminator",
+        "algorithm: SeedPg(hidden: [4], bonus: Discriminator(hidden: [4])), schedule: Synchronous()",
     ),
     (
         "regions",

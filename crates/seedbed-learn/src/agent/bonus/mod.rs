@@ -6,6 +6,7 @@
 //! own to compute bonuses with ([`BonusModel`]). If the team shares one model, agent 0 trains it, and
 //! the others copy what it has learned. Formulas are in [`rl`](crate::rl).
 
+mod discriminator;
 mod model;
 mod pairs;
 mod regions;
@@ -19,6 +20,7 @@ use std::any::Any;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use self::discriminator::Discriminator;
 pub use self::model::BonusModel;
 pub(crate) use self::pairs::TransitionPairs;
 pub use self::regions::Regions;
@@ -196,6 +198,7 @@ bonuses! {
     Rnd,
     TeamEntropy,
     Regions,
+    Discriminator,
 }
 
 impl Bonus {
@@ -231,7 +234,7 @@ impl Bonus {
         self.sharing() == Some(ModelSharing::Shared)
     }
 
-    /// Whether all agents give the same bonus to the same step, whatever they have learned: they share a
+    /// Whether all agents give the same bonus to the same step, apart from its weight, whatever they have learned: they share a
     /// model that has neither seeds nor random draws.
     #[must_use]
     pub fn is_same_for_all_agents(&self) -> bool {

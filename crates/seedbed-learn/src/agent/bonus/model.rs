@@ -18,6 +18,8 @@ pub struct BonusModel {
     agent: u32,
     sharing: ModelSharing,
     scale: BonusScale,
+    /// Factor on bonuses: the agent's place in a ladder of weights.
+    weight_share: f32,
     medians: MedianScale,
     model: Box<dyn GainModel>,
     /// Gains of the agent's own steps in the latest update.
@@ -39,11 +41,13 @@ impl BonusModel {
         let model = config.build(stream_owner(sharing, context.agent), context);
         let medians = MedianScale::new(scale.medians());
         let (run_seed, agent) = (context.run_seed, context.agent);
+        let weight_share = scale.weight_share(agent, context.team.count.get());
         Some(Self {
             run_seed,
             agent,
             sharing,
             scale,
+            weight_share,
             medians,
             model,
             own_gains: Vec::new(),
@@ -145,7 +149,7 @@ impl BonusModel {
     fn scale_gains(&self, gains: &mut [f32]) {
         let median = self.medians.scale();
         for gain in gains {
-            *gain = self.scale.bonus(*gain, median);
+            *gain = self.weight_share * self.scale.bonus(*gain, median);
         }
     }
 

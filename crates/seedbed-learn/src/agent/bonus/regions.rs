@@ -45,6 +45,7 @@ impl Default for Regions {
             scale: BonusScale::Raw {
                 weight: ranged_number(0.1),
                 shown: ranged_number(0.1),
+                lowest: ranged_number(1.0),
             },
             others: ranged_number(0.0),
             regions: ranged_count(256),

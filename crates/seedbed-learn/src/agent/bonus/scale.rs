@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::rl::information_gain;
-use seedbed_input::numbers::{Count, NonNegative, Positive, ranged_count, ranged_number};
+use seedbed_input::numbers::{Count, Fraction, NonNegative, Positive, ranged_count, ranged_number};
 
 /// Whose experience a bonus model learns from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
@@ -35,6 +35,10 @@ pub enum BonusScale {
         /// Number of latest updates over which the median gain is averaged.
         #[serde(default = "default_medians")]
         medians: Count<10_000>,
+        /// Weight of agent 0 as a share of η. Those of the others are evenly spaced up to η of the last one: a
+        /// ladder of weights, as in Badia et al. 2020. An agent alone has η.
+        #[serde(default = "default_lowest")]
+        lowest: Fraction,
     },
     /// η I, as printed in thesis Eq. 28.
     Raw {
@@ -44,6 +48,10 @@ pub enum BonusScale {
         /// Upper end of the axis of bonuses in figures.
         #[serde(default = "default_shown")]
         shown: Positive,
+        /// Weight of agent 0 as a share of η. Those of the others are evenly spaced up to η of the last one: a
+        /// ladder of weights, as in Badia et al. 2020. An agent alone has η.
+        #[serde(default = "default_lowest")]
+        lowest: Fraction,
     },
 }
 
@@ -53,6 +61,7 @@ impl Default for BonusScale {
             weight: default_weight(),
             cap: default_cap(),
             medians: default_medians(),
+            lowest: default_lowest(),
         }
     }
 }
@@ -67,6 +76,17 @@ impl BonusScale {
             }
             Self::Raw { weight, .. } => weight.get_f32() * gain,
         }
+    }
+
+    /// Factor on the weight of agent `agent` of `agents`: 1 without a ladder.
+    pub(super) fn weight_share(self, agent: u32, agents: u32) -> f32 {
+        let (Self::Median { lowest, .. } | Self::Raw { lowest, .. }) = self;
+        let place = if agents > 1 {
+            f64::from(agent) / f64::from(agents - 1)
+        } else {
+            1.0
+        };
+        (lowest.get() + (1.0 - lowest.get()) * place) as f32
     }
 
     /// The largest bonus that figures show: the largest that is possible, if there is one.
@@ -103,6 +123,29 @@ fn default_medians() -> Count<10_000> {
     ranged_count(10)
 }
 
+fn default_lowest() -> Fraction {
+    ranged_number(1.0)
+}
+
 fn default_shown() -> Positive {
     ranged_number(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// From a quarter of the weight up to all of it in four even steps; an agent alone has all of it.
+    #[test]
+    fn a_ladder_of_weights() {
+        let scale = |lowest| BonusScale::Raw {
+            weight: ranged_number(1.0),
+            shown: ranged_number(1.0),
+            lowest: ranged_number(lowest),
+        };
+        let shares = [0, 1, 2, 3].map(|agent| scale(0.25).weight_share(agent, 4));
+        assert_eq!(shares, [0.25, 0.5, 0.75, 1.0]);
+        assert_eq!(scale(0.25).weight_share(0, 1), 1.0);
+        assert_eq!(scale(1.0).weight_share(0, 4), 1.0);
+    }
 }

@@ -203,6 +203,7 @@ fn a_restored_bonus_model_continues_with_the_same_bits() {
         Bonus::Rnd(Rnd::default()),
         Bonus::TeamEntropy(TeamEntropy::default()),
         Bonus::Regions(Regions::default()),
+        Bonus::Discriminator(Discriminator::default()),
     ] {
         let [mut original, mut restored] = [0, 0].map(|agent| bonus_model(&bonus, agent));
         original.compute_bonuses(
@@ -250,6 +251,7 @@ fn entropy_bonuses(
     let raw = BonusScale::Raw {
         weight: ranged_number(1.0),
         shown: ranged_number(1.0),
+        lowest: ranged_number(1.0),
     };
     let config = TeamEntropy {
         scale: raw,
@@ -401,5 +403,63 @@ fn regions_of_other_agents_are_worth_less() {
             &mut gains,
         );
         assert_eq!(gains, expected, "{model:?} {others} {agent}");
+    }
+}
+
+/// Agent 0 visits x < 0, agent 1 x > 0, agents 2 and 3 nothing: after learning, each of the two is nearly sure in its own half,
+/// log 1 − log(1/4), and has a negative gain in the other one. Before, gains are about 0.
+#[test]
+fn a_discriminator_tells_agents_by_their_states() {
+    let xs = |sign: f32| -> Vec<f32> { (1..40).map(|x| sign * 0.025 * x as f32).collect() };
+    let visited = [line(0, 0, &xs(-1.0)), line(1, 0, &xs(1.0))];
+    let config = Discriminator {
+        minibatches: ranged_count(400),
+        ..Discriminator::default()
+    };
+    let mut model = bonus_model(&Bonus::Discriminator(config), 0);
+    let gains_at = |model: &mut BonusModel| {
+        let mut gains = Vec::new();
+        let random = &mut stream(0, Purpose::BonusNoise, 0, 0);
+        model.compute_gains(&line(0, 1, &[-0.6, 0.6]), 1, random, &mut gains);
+        gains
+    };
+    assert!(gains_at(&mut model).iter().all(|gain| gain.abs() < 0.7));
+    learn(&mut model, &visited, 1);
+    let gains = gains_at(&mut model);
+    assert!((gains[0] - 4.0_f32.ln()).abs() < 0.1, "{gains:?}");
+    assert!(gains[1] < -2.0, "{gains:?}");
+}
+
+/// With `lowest: 0`, agent 0 of four has no bonus, agent 1 a third of what the last one has.
+#[test]
+fn agents_have_different_weights_on_a_ladder() {
+    let scale = BonusScale::Raw {
+        weight: ranged_number(1.0),
+        shown: ranged_number(1.0),
+        lowest: ranged_number(0.0),
+    };
+    let bonus = Bonus::TeamEntropy(TeamEntropy {
+        scale,
+        ..TeamEntropy::default()
+    });
+    let episodes = [line(0, 0, &[0.1, 0.4]), line(1, 0, &[0.2])];
+    let bonuses = [0, 1, 3].map(|agent| {
+        let experience = Experience {
+            new_episodes: &episodes,
+            new_lengths: &[],
+            all_episodes: &episodes,
+            earlier_updates: 0,
+        };
+        let mut bonuses = Vec::new();
+        bonus_model(&bonus, agent).compute_bonuses(&experience, &[0], &mut bonuses);
+        bonuses[0].clone()
+    });
+    let [none, third, all] = bonuses;
+    assert_eq!(none, [0.0, 0.0]);
+    for (third, all) in third.iter().zip(&all) {
+        assert!(
+            *all > 0.0 && (3.0 * third - all).abs() < 1e-6,
+            "{third} {all}"
+        );
     }
 }

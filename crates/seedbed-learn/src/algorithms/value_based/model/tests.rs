@@ -19,6 +19,7 @@ fn composition(neighbors: u32) -> Composition {
         scale: BonusScale::Raw {
             weight: ranged_number(1.0),
             shown: ranged_number(1.0),
+            lowest: ranged_number(1.0),
         },
         ..TeamEntropy::default()
     });
