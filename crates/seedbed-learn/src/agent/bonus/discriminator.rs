@@ -61,7 +61,7 @@ impl BonusConfig for Discriminator {
     fn scale(&self) -> BonusScale {
         BonusScale::Raw {
             weight: self.weight,
-            shown: ranged_number((4.0 * self.weight.get()).max(1e-6)),
+            shown: ranged_number((4.0 * self.weight.get()).clamp(1e-6, 1e30)),
             lowest: ranged_number(1.0),
         }
     }
