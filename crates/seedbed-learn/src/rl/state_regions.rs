@@ -99,8 +99,11 @@ impl StateRegions {
         let nearest = self.nearest(state);
         Place {
             visits: nearest.map_or(0, |(region, square)| {
-                let is_inside = square <= self.radius * self.radius;
-                if is_inside { self.visits[region] } else { 0 }
+                if self.is_inside(square) {
+                    self.visits[region]
+                } else {
+                    0
+                }
             }),
             owner: nearest.map(|(region, _)| self.owners[region]),
         }
@@ -109,7 +112,7 @@ impl StateRegions {
     /// Counts a visited state.   `state: [width]`
     pub fn visit(&mut self, state: &[f32]) {
         match self.nearest(state) {
-            Some((region, square)) if square <= self.radius * self.radius => {
+            Some((region, square)) if self.is_inside(square) => {
                 self.visits[region] = self.visits[region].saturating_add(1);
             }
             _ => self.add(state),
@@ -154,7 +157,7 @@ impl StateRegions {
         );
         for (region, center) in all.centers.chunks_exact(self.width).enumerate() {
             match self.nearest(center) {
-                Some((earlier, square)) if square <= self.radius * self.radius => {
+                Some((earlier, square)) if self.is_inside(square) => {
                     self.visits[earlier] = self.visits[earlier].saturating_add(all.visits[region]);
                 }
                 _ => {
@@ -164,6 +167,11 @@ impl StateRegions {
                 }
             }
         }
+    }
+
+    /// Whether a state at this squared distance from a center is in its region.
+    fn is_inside(&self, square: f32) -> bool {
+        square <= self.radius * self.radius
     }
 
     /// The region with the nearest center, and the square of its distance.

@@ -4,15 +4,15 @@ use rand::RngExt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::scaled_states::{self, ScaledStates};
 use super::{BonusConfig, BonusScale, GainModel, ModelSharing, Steps, TrainingData, same_kind};
 use crate::agent::AgentContext;
 use crate::agent::network::{Descent, LearnedState, Network};
 use crate::cancellation::cancellation_point;
 use crate::experience::Episode;
 use crate::math::{exp, ln};
-use crate::nn::{AdamSettings, Initial, Mlp, STANDARDIZED_LIMIT, Tensor};
+use crate::nn::{AdamSettings, Initial, Mlp, Tensor};
 use crate::rl::categorical::log_softmax_in_place;
-use crate::scaling::{ObservationScaling, Scaling};
 use seedbed_env::TaskSpec;
 use seedbed_input::limits::short_list;
 use seedbed_input::numbers::{Count, NonNegative, ranged_count, ranged_number};
@@ -77,17 +77,13 @@ impl BonusConfig for Discriminator {
 
     fn formula(&self) -> String {
         format!(
-            "x = clip((input - observations.center) / observations.half_range, -{STANDARDIZED_LIMIT}, \
-             {STANDARDIZED_LIMIT}), where the input is the observation after the step. Network: tanh between the layers. \
-             Gain of agent k of K: output k of log softmax(network(x)), plus log K."
+            "{} Network: tanh between the layers. Gain of agent k of K: output k of log softmax(network(x)), plus log K.",
+            scaled_states::formula()
         )
     }
 
     fn inputs(&self, spec: &TaskSpec) -> Vec<String> {
-        let observations = spec.observations.iter();
-        observations
-            .map(|observation| observation.name.clone())
-            .collect()
+        scaled_states::names(spec)
     }
 }
 
@@ -102,12 +98,10 @@ struct DiscriminatorModel {
     config: Discriminator,
     agent: usize,
     agents: usize,
-    width: usize,
-    scaling: Scaling,
+    states: ScaledStates,
     network: Network,
-    /// Observations, and the same scaled: `[N × width]`.
+    /// Observations: `[N × width]`.
     rows: Vec<f32>,
-    scaled: Vec<f32>,
     /// The agents that visited the rows of a minibatch: `[N]`.
     visitors: Vec<u32>,
     /// Log probabilities, or their gradient: `[N × K]`.
@@ -125,10 +119,8 @@ impl DiscriminatorModel {
             config: config.clone(),
             agent: context.agent as usize,
             agents,
-            width: context.spec.observation_width(),
-            scaling: Scaling::new(ObservationScaling::Range, context.spec),
+            states: ScaledStates::new(context.spec),
             rows: Vec::new(),
-            scaled: Vec::new(),
             visitors: Vec::new(),
             outputs: Vec::new(),
         }
@@ -136,12 +128,8 @@ impl DiscriminatorModel {
 
     /// Writes log q of each agent in the states of `rows` to `outputs`.
     fn compute_log_probabilities(&mut self) {
-        self.scaling.apply(&self.rows, &mut self.scaled);
-        let limit = STANDARDIZED_LIMIT as f32;
-        for number in &mut self.scaled {
-            *number = number.clamp(-limit, limit);
-        }
-        let logits = self.network.forward(&self.scaled);
+        self.states.scale(&self.rows);
+        let logits = self.network.forward(self.states.all());
         self.outputs.clear();
         self.outputs.extend_from_slice(logits);
         log_softmax_in_place(&mut self.outputs, self.agents);
@@ -158,7 +146,8 @@ impl DiscriminatorModel {
             let index = ends.partition_point(|&end| end <= position);
             let episode = episodes[index];
             let step = position + episode.length() - ends[index];
-            let state = &episode.observations[(step + 1) * self.width..][..self.width];
+            let state =
+                &episode.observations[(step + 1) * self.states.width()..][..self.states.width()];
             self.rows.extend_from_slice(state);
             self.visitors.push(episode.agent);
         }
@@ -184,17 +173,18 @@ impl DiscriminatorModel {
             gradient_clip: None,
             step_size_factor: 1.0,
         };
-        self.network.descend(&self.scaled, &self.outputs, &descent);
+        self.network
+            .descend(self.states.all(), &self.outputs, &descent);
     }
 }
 
 impl GainModel for DiscriminatorModel {
     fn compute_gains(&mut self, steps: &Steps<'_>, _: &mut Stream, gains: &mut Vec<f32>) {
         self.rows.clear();
-        let next = steps.episode.observations.get(self.width..);
+        let next = steps.episode.observations.get(self.states.width()..);
         for state in next
             .unwrap_or_default()
-            .chunks_exact(self.width)
+            .chunks_exact(self.states.width())
             .step_by(steps.stride)
         {
             self.rows.extend_from_slice(state);
@@ -234,7 +224,7 @@ impl GainModel for DiscriminatorModel {
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
         let network = self.network.tensors("discriminator");
-        network.chain(self.scaling.tensors()).collect()
+        network.chain(self.states.tensors()).collect()
     }
 
     fn save(&self) -> Vec<u8> {

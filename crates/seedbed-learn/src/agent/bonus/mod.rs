@@ -12,6 +12,7 @@ mod pairs;
 mod regions;
 mod rnd;
 mod scale;
+mod scaled_states;
 mod team_entropy;
 mod vime;
 

@@ -4,12 +4,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::scaled_states::{self, ScaledStates};
 use super::{BonusConfig, BonusScale, GainModel, ModelSharing, Steps, TrainingData, same_kind};
 use crate::agent::AgentContext;
 use crate::cancellation::cancellation_point;
-use crate::nn::{STANDARDIZED_LIMIT, Tensor};
+use crate::nn::Tensor;
 use crate::rl::state_regions::{StateRegions, novelty};
-use crate::scaling::{ObservationScaling, Scaling};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, Fraction, Positive, ranged_count, ranged_number};
 use seedbed_random::Stream;
@@ -74,19 +74,15 @@ impl BonusConfig for Regions {
 
     fn formula(&self) -> String {
         format!(
-            "x = clip((input - observations.center) / observations.half_range, \
-             -{STANDARDIZED_LIMIT}, {STANDARDIZED_LIMIT}), where the input is the observation after \
-             the step. Of the row of centers that is nearest to x, n is the number in visits, or 0 if the distance is \
+            "{} Of the row of centers that is nearest to x, n is the number in visits, or 0 if the distance is \
              larger than radius. Gain: 1 / sqrt(1 + n), times {} if another agent is its owner.",
+            scaled_states::formula(),
             self.others.get()
         )
     }
 
     fn inputs(&self, spec: &TaskSpec) -> Vec<String> {
-        let observations = spec.observations.iter();
-        observations
-            .map(|observation| observation.name.clone())
-            .collect()
+        scaled_states::names(spec)
     }
 
     fn fault(&self) -> Option<&'static str> {
@@ -111,15 +107,13 @@ struct RegionsModel {
     /// The owner number of the agent.
     agent: u32,
     others: f32,
-    width: usize,
-    scaling: Scaling,
+    states: ScaledStates,
     regions: StateRegions,
-    scaled: Vec<f32>,
 }
 
 impl RegionsModel {
     fn new(config: &Regions, context: &AgentContext<'_>) -> Self {
-        let width = context.spec.observation_width();
+        let states = ScaledStates::new(context.spec);
         let [agents, agent] = if config.model == ModelSharing::Shared {
             [context.team.count.get(), context.agent]
         } else {
@@ -129,29 +123,17 @@ impl RegionsModel {
         Self {
             agent,
             others: config.others.get_f32(),
-            width,
-            scaling: Scaling::new(ObservationScaling::Range, context.spec),
-            regions: StateRegions::new(width, max, agents, radius),
-            scaled: Vec::new(),
-        }
-    }
-
-    /// Scales the states that the steps of an episode lead to, and clips them, so that distances are finite.
-    fn scale_next_states(&mut self, observations: &[f32]) {
-        let next = observations.get(self.width..).unwrap_or_default();
-        self.scaling.apply(next, &mut self.scaled);
-        let limit = STANDARDIZED_LIMIT as f32;
-        for number in &mut self.scaled {
-            *number = number.clamp(-limit, limit);
+            regions: StateRegions::new(states.width(), max, agents, radius),
+            states,
         }
     }
 }
 
 impl GainModel for RegionsModel {
     fn compute_gains(&mut self, steps: &Steps<'_>, _: &mut Stream, gains: &mut Vec<f32>) {
-        self.scale_next_states(&steps.episode.observations);
+        self.states.scale_next(&steps.episode.observations);
         gains.clear();
-        for state in self.scaled.chunks_exact(self.width).step_by(steps.stride) {
+        for state in self.states.iter().step_by(steps.stride) {
             let place = self.regions.place(state);
             let is_own = place.owner.is_none_or(|owner| owner == self.agent);
             let share = if is_own { 1.0 } else { self.others };
@@ -163,8 +145,8 @@ impl GainModel for RegionsModel {
     fn learn(&mut self, data: &TrainingData<'_>, _: &mut Stream) -> Option<f32> {
         for episode in data.new_episodes {
             cancellation_point();
-            self.scale_next_states(&episode.observations);
-            for state in self.scaled.chunks_exact(self.width) {
+            self.states.scale_next(&episode.observations);
+            for state in self.states.iter() {
                 self.regions.visit(state);
             }
         }
@@ -181,13 +163,13 @@ impl GainModel for RegionsModel {
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
-        let mut tensors = self.scaling.tensors();
+        let mut tensors = self.states.tensors();
         tensors.push(Tensor::list("radius", vec![self.regions.radius()]));
         let count = self.regions.visits().len();
         if count > 0 {
             tensors.push(Tensor {
                 name: "centers".to_owned(),
-                shape: vec![count, self.width],
+                shape: vec![count, self.states.width()],
                 values: self.regions.centers().into(),
             });
             let as_list = |numbers: &[u32]| -> Vec<f32> {

@@ -6,13 +6,13 @@ use rand::seq::index;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::scaled_states::{self, ScaledStates};
 use super::{BonusConfig, BonusScale, GainModel, ModelSharing, Steps, same_kind};
 use crate::agent::AgentContext;
 use crate::experience::Episode;
 use crate::experience::replay::Origin;
-use crate::nn::{STANDARDIZED_LIMIT, Tensor};
+use crate::nn::Tensor;
 use crate::rl::state_entropy::{self, NeighborScratch};
-use crate::scaling::{ObservationScaling, Scaling};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, ranged_count};
 use seedbed_random::Stream;
@@ -69,19 +69,15 @@ impl BonusConfig for TeamEntropy {
 
     fn formula(&self) -> String {
         format!(
-            "x = clip((input - observations.center) / observations.half_range, \
-             -{STANDARDIZED_LIMIT}, {STANDARDIZED_LIMIT}), where the input is the observation after \
-             the step. Gain: log(1 + d), where d is the Euclidean distance from x to the row of \
+            "{} Gain: log(1 + d), where d is the Euclidean distance from x to the row of \
              references at position {} by distance, not counting the row of the same step.",
+            scaled_states::formula(),
             self.neighbors.get()
         )
     }
 
     fn inputs(&self, spec: &TaskSpec) -> Vec<String> {
-        let observations = spec.observations.iter();
-        observations
-            .map(|observation| observation.name.clone())
-            .collect()
+        scaled_states::names(spec)
     }
 
     fn fault(&self) -> Option<&'static str> {
@@ -109,10 +105,8 @@ impl BonusConfig for TeamEntropy {
 /// The states of the newest round that states are compared with.
 struct TeamEntropyModel {
     config: TeamEntropy,
-    width: usize,
-    scaling: Scaling,
+    states: ScaledStates,
     references: References,
-    scaled: Vec<f32>,
     scratch: NeighborScratch,
 }
 
@@ -129,20 +123,9 @@ impl TeamEntropyModel {
     fn new(config: &TeamEntropy, context: &AgentContext<'_>) -> Self {
         Self {
             config: config.clone(),
-            width: context.spec.observation_width(),
-            scaling: Scaling::new(ObservationScaling::Range, context.spec),
+            states: ScaledStates::new(context.spec),
             references: References::default(),
-            scaled: Vec::new(),
             scratch: NeighborScratch::default(),
-        }
-    }
-
-    /// Scales observations, and clips them, so that distances are finite.
-    fn scale(&mut self, observations: &[f32]) {
-        self.scaling.apply(observations, &mut self.scaled);
-        let limit = STANDARDIZED_LIMIT as f32;
-        for number in &mut self.scaled {
-            *number = number.clamp(-limit, limit);
         }
     }
 }
@@ -164,7 +147,8 @@ impl GainModel for TeamEntropyModel {
                 let index = ends.partition_point(|&end| end <= position);
                 let episode = episodes[index];
                 let step = position + episode.length() - ends[index];
-                let state = &episode.observations[(step + 1) * self.width..][..self.width];
+                let state = &episode.observations[(step + 1) * self.states.width()..]
+                    [..self.states.width()];
                 (episode.origin(step), state)
             })
             .collect();
@@ -174,9 +158,9 @@ impl GainModel for TeamEntropyModel {
             .flat_map(|(_, state)| *state)
             .copied()
             .collect();
-        self.scale(&rows);
-        let columns = (0..self.width).flat_map(|column| {
-            let rows = self.scaled.chunks_exact(self.width);
+        self.states.scale(&rows);
+        let columns = (0..self.states.width()).flat_map(|column| {
+            let rows = self.states.iter();
             rows.map(move |row| row[column])
         });
         self.references = References {
@@ -189,12 +173,12 @@ impl GainModel for TeamEntropyModel {
     /// state does not count.
     fn compute_gains(&mut self, steps: &Steps<'_>, _: &mut Stream, gains: &mut Vec<f32>) {
         let episode = steps.episode;
-        self.scale(episode.observations.get(self.width..).unwrap_or_default());
-        let neighbors = self.config.neighbors.get() as usize;
+        self.states.scale_next(&episode.observations);
+        let (neighbors, width) = (self.config.neighbors.get() as usize, self.states.width());
         gains.clear();
         for step in (0..episode.length()).step_by(steps.stride) {
             let distance = state_entropy::distance_to_neighbor(
-                &self.scaled[step * self.width..][..self.width],
+                &self.states.all()[step * width..][..width],
                 &self.references.columns,
                 self.references
                     .steps
@@ -221,14 +205,15 @@ impl GainModel for TeamEntropyModel {
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
-        let mut tensors = self.scaling.tensors();
+        let mut tensors = self.states.tensors();
         let count = self.references.steps.len();
         if count > 0 {
             let columns = &self.references.columns;
-            let row = |row| (0..self.width).map(move |column| columns[column * count + row]);
+            let row =
+                |row| (0..self.states.width()).map(move |column| columns[column * count + row]);
             tensors.push(Tensor {
                 name: "references".to_owned(),
-                shape: vec![count, self.width],
+                shape: vec![count, self.states.width()],
                 values: (0..count).flat_map(row).collect(),
             });
         }
@@ -244,7 +229,7 @@ impl GainModel for TeamEntropyModel {
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         let (stored, expected) = (
             references.columns.len(),
-            references.steps.len() * self.width,
+            references.steps.len() * self.states.width(),
         );
         if stored != expected {
             return Err(format!(
