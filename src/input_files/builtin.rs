@@ -85,6 +85,8 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "envs/puck_maze.ron",
     "envs/swingup_side.ron",
     "envs/swingup_side_easy.ron",
+    "envs/travel_side.ron",
+    "envs/travel_side_easy.ron",
     "envs/two_poles.ron",
     "envs/mistakes/ball_on_beam_naive.ron",
     "envs/mistakes/parking_distance.ron",

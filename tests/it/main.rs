@@ -23,6 +23,7 @@ mod hostile_names;
 mod learners;
 mod learning;
 mod messages;
+mod page_numbers;
 mod published;
 mod recording;
 mod registration;

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::{cargo_command, repository_folder, run_command};
+use super::{cargo_command, output, repository_folder, run_command, target_folder};
 
 const INSTALL_SCRIPT: &str = include_str!("install.sh");
 
@@ -235,25 +235,6 @@ fn linker_flags() -> &'static [&'static str] {
     } else {
         &[]
     }
-}
-
-fn target_folder() -> PathBuf {
-    std::env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| repository_folder().join("target"), PathBuf::from)
-}
-
-/// The standard output of a command that must succeed.
-fn output(command: &mut Command) -> Result<String, String> {
-    let run = command
-        .output()
-        .map_err(|error| format!("cannot run {command:?}: {error}"))?;
-    if !run.status.success() {
-        return Err(format!(
-            "{command:?} failed: {}",
-            String::from_utf8_lossy(&run.stderr)
-        ));
-    }
-    Ok(String::from_utf8_lossy(&run.stdout).into_owned())
 }
 
 fn copy(from: &Path, to: &Path) -> Result<(), String> {

@@ -1,8 +1,9 @@
-//! Development tasks: `cargo xtask bless`, `cargo xtask dist`, `cargo xtask docs`, `cargo xtask sample`.
+//! Development tasks: `cargo xtask bless`, `cargo xtask dist`, `cargo xtask docs`, `cargo xtask sample`, `cargo xtask site`.
 
 mod dist;
+mod site;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 const HELP: &str = "Usage: cargo xtask COMMAND
@@ -11,7 +12,8 @@ Commands:
   bless   Replace the golden files by the current outputs; review the result with `git diff`
   dist    Make an archive of the program with licenses, completions and manual, and install it for a trial
   docs    Build the documentation of the workspace; warnings are errors
-  sample  Record recordings/sample/ again, by the commands in recordings/README.md";
+  sample  Record recordings/sample/ again, by the commands in recordings/README.md
+  site    Build the documentation as a site with search in target/site/html, and check its links";
 
 fn main() -> ExitCode {
     let command = std::env::args().nth(1);
@@ -20,6 +22,7 @@ fn main() -> ExitCode {
         Some("dist") => dist::dist(),
         Some("docs") => build_docs(),
         Some("sample") => record_sample(),
+        Some("site") => site::site(),
         _ => Err(HELP.to_owned()),
     };
     if let Err(message) = result {
@@ -76,6 +79,16 @@ fn run_seedbed(arguments: &str) -> Result<(), String> {
     run_command(Command::new("sh").args(["-c", &line]))
 }
 
+/// What `seedbed ARGUMENTS` prints.
+fn seedbed_output(arguments: &str) -> Result<String, String> {
+    let line = format!("cargo run --release --quiet -- {arguments}");
+    output(
+        Command::new("sh")
+            .args(["-c", &line])
+            .current_dir(repository_folder()),
+    )
+}
+
 /// A Cargo command without the environment variables that Cargo sets for this program. Build
 /// scripts of some dependencies read these variables, so Cargo would build the dependencies again.
 fn cargo_command(arguments: &[&str]) -> Command {
@@ -104,4 +117,23 @@ fn repository_folder() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .parent()
         .unwrap_or(Path::new("."))
+}
+
+fn target_folder() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR")
+        .map_or_else(|| repository_folder().join("target"), PathBuf::from)
+}
+
+/// The standard output of a command that must succeed.
+fn output(command: &mut Command) -> Result<String, String> {
+    let run = command
+        .output()
+        .map_err(|error| format!("cannot run {command:?}: {error}"))?;
+    if !run.status.success() {
+        return Err(format!(
+            "{command:?} failed: {}",
+            String::from_utf8_lossy(&run.stderr)
+        ));
+    }
+    Ok(String::from_utf8_lossy(&run.stdout).into_owned())
 }
