@@ -145,7 +145,7 @@ fn is_page(path: &str) -> bool {
 /// mdBook leaves pages out that the summary does not list, but copies other files.
 fn file_in_the_site(path: &str) -> String {
     match path.strip_suffix(".md") {
-        Some(stem) => format!("{stem}.md.txt"),
+        Some(stem) => format!("{stem}.txt"),
         None => path.to_owned(),
     }
 }
@@ -187,12 +187,13 @@ fn write_examples(folder: &Path) -> Result<(), String> {
         run.display(),
         pages.join("explorer.html").display()
     ))?;
-    let study = runs.join("fig_6_4a");
-    for file in ["study.json", "builds.json", "results.csv.gz"] {
-        let published = repository_folder().join("scenarios/thesis/results/fig_6_4a");
-        copy(&published.join(file), &study.join(file))?;
-    }
-    run_seedbed(&format!("report '{}'", study.display()))?;
+    let (lab, study) = (runs.join("lab"), runs.join("team_size"));
+    run_seedbed(&format!("init '{}'", lab.display()))?;
+    run_seedbed(&format!(
+        "study '{}' --quick --out '{}'",
+        lab.join("scenarios/team_size.ron").display(),
+        study.display()
+    ))?;
     copy(&study.join("report.html"), &pages.join("report.html"))
 }
 
@@ -238,7 +239,7 @@ mod tests {
         let text = "[a](a.md#x) [tasks](../envs/README.md) ![p](p.svg) [no](../tests/b.md) [web](https://x.y/README.md)";
         assert_eq!(
             with_links_of_the_site(text, "docs/c.md", &listed.into()),
-            "[a](a.md#x) [tasks](../envs/index.md) ![p](p.svg) [no](../tests/b.md.txt) [web](https://x.y/README.md)"
+            "[a](a.md#x) [tasks](../envs/index.md) ![p](p.svg) [no](../tests/b.txt) [web](https://x.y/README.md)"
         );
         assert_eq!(
             link_targets("[a](a.md#x) [](#y) ![p](p.svg)"),
