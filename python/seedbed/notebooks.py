@@ -58,7 +58,8 @@ class Figure(FilePath):
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
         if self.suffix == ".svg":
             return {"image/svg+xml": self.read_text(encoding="utf-8"), "text/plain": repr(self)}
-        return {"image/png": self.read_bytes(), "text/plain": repr(self)}
+        kind = "application/pdf" if self.suffix == ".pdf" else "image/png"
+        return {kind: self.read_bytes(), "text/plain": repr(self)}
 
 
 class Text(str):

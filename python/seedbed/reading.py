@@ -326,13 +326,18 @@ class Run:
         color: Color | None = None,
         lines: int | None = None,
         size: tuple[int, int] | None = None,
+        width: str | None = None,
+        height: str | None = None,
+        font: str | None = None,
+        title: bool = True,
+        legend: bool = True,
     ) -> Figure:
         """Draw visited states and returns (`seedbed plot`). Notebooks show the figure.
 
         Args:
             what: Parts, one below the other; by default visitation, difference, density and returns.
             beside: Runs that are drawn beside this one.
-            path: The figure, an SVG or a PNG; by default `plot.svg` in the folder of the run.
+            path: The figure, an SVG, PDF or PNG; by default `plot.svg` in the folder of the run.
             agents: Numbers of the agents that are drawn, or one.
             episodes: First episode of each agent that is drawn, and the one after the last; None for no limit.
             where: Ranges of quantities, such as `{"theta": (-0.1, 0.2), "return": (150, None)}`, or single values: only
@@ -341,6 +346,11 @@ class Run:
             color: Quantity by which states are colored.
             lines: Maximum number of states that a panel draws one by one; by default 1000.
             size: Width and height in CSS pixels.
+            width: Width in print with its unit, such as "8.4cm"; instead of `size`.
+            height: Height in print with its unit; by default it fits the content.
+            font: Size of the letters of axis labels in print, such as "8pt".
+            title: Whether the page has its title.
+            legend: Whether there are legends and color keys.
 
         Returns:
             Path of the figure.
@@ -364,6 +374,10 @@ class Run:
         options += [] if color is None else ["--color", color]
         options += [] if lines is None else ["--lines", str(lines)]
         options += [] if size is None else ["--size", f"{size[0]}x{size[1]}"]
+        for option, length in (("--width", width), ("--height", height), ("--font", font)):
+            options += [] if length is None else [option, length]
+        options += [] if title else ["--no-title"]
+        options += [] if legend else ["--no-legend"]
         programs.call("plot", self.path, *(run.path for run in beside), "--out", out, *options)
         return Figure(out)
 

@@ -1,6 +1,6 @@
 """Files of visited states: one per agent, to which finished episodes are appended.
 
-`docs/recording.md` ("Files of visited states") describes the format. Only NumPy and the standard library are
+`docs/state_files.md` ("Files of visited states") describes the format. Only NumPy and the standard library are
 needed. A process that is killed leaves at most one incomplete frame, at the end of the file of its agent.
 """
 

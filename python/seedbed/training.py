@@ -49,6 +49,9 @@ AlgorithmName: TypeAlias = Literal[
 ]
 """Names of algorithms, as `seedbed list algorithms` shows them."""
 
+WITHOUT_SETTINGS = {"Random"}
+"""Names of algorithms that are written without parentheses."""
+
 Environment: TypeAlias = "str | os.PathLike[str] | Gymnasium | Callable[..., Any]"
 """A task: its name, its file, an environment of Gymnasium, or a function that returns one."""
 
@@ -300,7 +303,8 @@ def python_path_of(environment: Environment) -> list[str]:
 def setting_arguments(algorithm: str | Mapping[str, Any] | None, agents: int | None, replaced: Settings) -> list[str]:
     """The arguments `--set PATH=VALUE` of the program."""
     text = None if algorithm is None else algorithm_text(algorithm)
-    settings = [] if text is None else [f"algorithm={text}{'()' if text.isidentifier() else ''}"]
+    has_default_settings = text is not None and text.isidentifier() and text not in WITHOUT_SETTINGS
+    settings = [] if text is None else [f"algorithm={text}{'()' if has_default_settings else ''}"]
     settings += [] if agents is None else [f"agents.count={agents}"]
     if isinstance(replaced, str):
         raise TypeError(f"set is {replaced!r}, expected a list such as [{replaced!r}]")

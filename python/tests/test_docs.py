@@ -30,7 +30,23 @@ from seedbed import (
     vector,
 )
 
-PAGES = [REPOSITORY / path for path in ("docs/python.md", "docs/from_stable_baselines3.md", "docs/own_algorithm_in_python.md", "docs/own_loop.md", "python/README.md")]
+PAGES = [
+    REPOSITORY / path
+    for path in (
+        "docs/python.md",
+        "docs/python_training.md",
+        "docs/python_studies.md",
+        "docs/python_tasks.md",
+        "docs/python_states.md",
+        "docs/python_recording.md",
+        "docs/python_runs.md",
+        "docs/python_policies.md",
+        "docs/from_stable_baselines3.md",
+        "docs/own_algorithm_in_python.md",
+        "docs/own_loop.md",
+        "python/README.md",
+    )
+]
 MODULES = [
     seedbed,
     environment,

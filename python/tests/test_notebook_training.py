@@ -58,9 +58,9 @@ def test_training_in_a_notebook(tmp_path: Path):
     train = "run = seedbed.train(corridor, agents=2, set=['stop=Episodes(6)'], on_round=lambda state: print('round', state.round))"
     study = """seedbed.study({"title": "One", "scenario": "cartpole", "set": ["agents.count=1", "stop=Episodes(2)"],
         "cells": [{"name": "pole"}], "repeats": 1, "measures": ["Coverage"]})"""
-    cells = executed(
-        tmp_path, ENVIRONMENT, train, "run", "run.explore()", "run.plot('returns')", study, "run.plot(path='figure.png')", "seedbed.check(corridor)"
-    )
+    print_figure = "run.plot('returns', path='column.pdf', width='8.4cm', height='5cm', font='8pt', title=False, legend=False)"
+    plots = ("run.plot('returns')", study, "run.plot(path='figure.png')")
+    cells = executed(tmp_path, ENVIRONMENT, train, "run", "run.explore()", *plots, "seedbed.check(corridor)", print_figure)
     outputs = cells[1].outputs
     assert "".join(output.text for output in outputs if output.output_type == "stream" and output.name == "stdout").count("round") == 6
     assert not [output for output in outputs if output.output_type == "stream" and output.name == "stderr"]
@@ -73,6 +73,9 @@ def test_training_in_a_notebook(tmp_path: Path):
     assert "study" in shown(cells[5])["text/markdown"]
     assert shown(cells[6])["image/png"]
     assert "observations place" in shown(cells[7])["text/html"]
+    # 8.4 cm × 5 cm are 238.11 × 141.73 points.
+    assert "column.pdf" in shown(cells[8])["text/plain"]
+    assert b"/MediaBox[0 0 238.11" in (tmp_path / "column.pdf").read_bytes()
 
 
 def test_the_button_of_a_notebook_interrupts_a_run(tmp_path: Path):

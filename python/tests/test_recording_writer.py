@@ -1,4 +1,4 @@
-"""The files that RecordVisitation writes, read byte by byte as `docs/recording.md` describes them."""
+"""The files that RecordVisitation writes, read byte by byte as `docs/state_files.md` describes them."""
 
 from __future__ import annotations
 

@@ -425,6 +425,8 @@ class TestEnvironments:
 
     def test_an_algorithm_as_a_map(self):
         settings: dict[str, Any] = {"agents": 2, "set": ["stop=Episodes(3)"]}
+        random = seedbed.train("cartpole", algorithm="Random", out="random", **settings)
+        assert len(random.episodes) == 6
         run = seedbed.train("cartpole", algorithm={"SeedPg": {"discount": 0.9, "bonus": "Rnd()"}}, out="map", **settings)
         same = seedbed.train("cartpole", algorithm="SeedPg(discount: 0.9, bonus: Rnd())", out="text", **settings)
         assert bits(run.path) == bits(same.path)

@@ -21,6 +21,7 @@ mod arguments;
 mod bench;
 mod check;
 mod completions;
+mod doctor;
 mod evaluate;
 mod execution;
 mod explore;
@@ -35,6 +36,7 @@ mod memory;
 mod new;
 mod plot;
 mod preview;
+mod print;
 mod progress;
 mod ranks;
 mod replay;
@@ -154,6 +156,13 @@ Existing files are never overwritten.")]
         #[arg(value_enum)]
         shell: clap_complete::Shell,
     },
+    /// See what is installed: Python, Gymnasium, viewer, MPI, Slurm
+    #[command(after_help = "Examples:
+  seedbed doctor
+  seedbed doctor --python ~/other/bin/python
+
+What is missing is needed for some commands only; each line says for which, and how to get it.")]
+    Doctor,
     /// Write the manual pages of all commands to a directory
     #[command(hide = true)]
     Manual {
@@ -188,7 +197,7 @@ Existing files are never overwritten.")]
     Export(export::ExportArgs),
     /// Film a run: moving bodies, visited states and returns, as an animated GIF
     Film(film::FilmArgs),
-    /// Draw visited states and returns of one or more runs as SVG or PNG
+    /// Draw visited states and returns of one or more runs as SVG, PDF or PNG
     Plot(plot::PlotArgs),
     /// Write a page in which visited states are selected by brushes
     Explore(explore::ExploreArgs),
@@ -254,7 +263,7 @@ struct RunArgs {
     #[arg(long, conflicts_with = "mpi")]
     ask_after_rounds: bool,
     /// Divide the run over the processes that `mpirun` or `srun` has started; results do not depend on
-    /// their number (docs/cluster.md)
+    /// their number (docs/mpi.md)
     #[arg(long)]
     mpi: bool,
     /// Resume the interrupted run in the output directory
@@ -418,16 +427,20 @@ struct EvaluateArgs {
 
   seedbed report recordings/studies/fig_6_4a-3f00a91c5e7d --publish results     write results/fig_6_4a
   seedbed report results/fig_6_4a                                               write its tables again
+  seedbed report recordings/studies/fig_6_4a --width 8.4cm --font 8pt --no-title
+                                                                                figures for a column of a paper
 
-Writes report.html, tables.md, claims.md, results.csv and figures/ to that directory. Published results are one row per run and
+Writes report.html, tables.md, claims.md, results.csv and figures/ (SVG, PDF and PNG) to that directory. Published results are one row per run and
 the registration; the tables and verdicts are computed from them.")]
 struct ReportArgs {
     /// Study directories, or directories with published results
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
     /// Write the scores of all runs, small enough for a repository, to a directory in DIR
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["width", "height", "font", "no_title", "no_legend", "x_range", "y_range"])]
     publish: Option<PathBuf>,
+    #[command(flatten, next_help_heading = "Figures for papers (files in figures/)")]
+    print: print::PrintArgs,
 }
 
 #[derive(Debug, Args)]
@@ -528,6 +541,10 @@ pub(crate) fn main() -> ExitCode {
         Command::New(args) => new::new(&args),
         Command::Completions { shell } => {
             completions::print(shell);
+            Ok(())
+        }
+        Command::Doctor => {
+            doctor::doctor();
             Ok(())
         }
         Command::Manual { folder } => completions::write_manual(&folder),

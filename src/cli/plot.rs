@@ -6,13 +6,16 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::print::PrintArgs;
 use super::progress::ReadCounter;
 use super::{CliError, open_run, pluralize};
-use seedbed::figures::{FigureError, FigureSettings, Part, RunFigure, distributions};
+use seedbed::figures::{
+    DEFAULT_WIDTH, FigureError, FigureSettings, Part, RunFigure, distributions,
+};
 use seedbed::run::folder::run_folder;
 use seedbed::scenario::recording;
 use seedbed::storage::files;
-use seedbed_figure::{Figure, Panel};
+use seedbed_figure::{Figure, Format, Panel, PrintLayout};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -24,6 +27,8 @@ use seedbed_figure::{Figure, Panel};
   seedbed plot results/sigma-0 results/sigma-0.1 results/sigma-1 --what visitation --out sigma.svg
                                                     several runs side by side
   seedbed plot recordings/cartpole/seed-0 --what scatter,returns --size 900x700 --out figure.svg
+  seedbed plot recordings/cartpole/seed-0 --what returns --width 8.4cm --height 5cm --font 8pt --no-title --out returns.pdf
+                                                    for a column of a paper, with embedded fonts
   seedbed plot --distributions --out examples.svg   how parallel coordinates show seven distributions
   seedbed plot --distributions ring,parabola --out two.png
 
@@ -34,8 +39,8 @@ pub(super) struct PlotArgs {
     /// Run directories or recordings; several are drawn side by side
     #[arg(required_unless_present = "distributions", value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Write the figure to FILE.svg or FILE.png [default: plot.svg in the run directory; with
-    /// several runs, plot.svg in the current directory]
+    /// Write the figure to FILE.svg, FILE.pdf or FILE.png [default: plot.svg in the run directory;
+    /// with several runs, plot.svg in the current directory]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Draw these parts, one below the other; separate with commas [default:
@@ -66,8 +71,10 @@ pub(super) struct PlotArgs {
     lines: u32,
     /// Page size in CSS pixels, e.g. 760x900; a PNG is rendered at 2× [default: 760 wide, height
     /// fits the content]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = parse_size, conflicts_with_all = ["width", "height", "font"])]
     size: Option<[f64; 2]>,
+    #[command(flatten)]
+    print: PrintArgs,
     /// Instead of runs, draw 80 points of these example distributions, each as parallel coordinates
     /// and as a scatter plot [default: all]
     #[arg(
@@ -135,12 +142,9 @@ enum Distribution {
     Parabola,
 }
 
-/// Number of PNG pixels per CSS pixel, along each side.
-const PNG_SCALE: f64 = 2.0;
-
 pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.runs));
-    let is_png = is_png(&out)?;
+    let format = format_of(&out)?;
     let mut figure = if let Some(names) = &args.distributions {
         let chosen: Vec<_> = names.iter().map(|&name| name.into()).collect();
         distributions::figure(&chosen)
@@ -151,33 +155,42 @@ pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
         let message = "nothing is drawn: these runs have nothing for the chosen panels";
         return Err(CliError::Usage(message.to_owned()));
     }
+    let layout = args.print.layout();
+    layout.apply(&mut figure);
     if let Some([width, height]) = args.size {
         figure.resize(width, height);
     }
-    let bytes = if is_png {
-        figure
-            .png(PNG_SCALE)
-            .map_err(|error| CliError::Usage(error.to_string()))?
-    } else {
-        figure.svg().into_bytes()
-    };
+    let bytes = layout
+        .encode(&figure, format)
+        .map_err(|error| CliError::Usage(error.to_string()))?;
     files::remove_abandoned_of(&out);
     files::write_to(&out, &bytes)
         .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", out.display())))?;
-    say!("{}: {}", out.display(), size_text(&figure, is_png));
+    let size = size_text(&figure, &layout, format);
+    say!("{}: {size}", out.display());
     Ok(())
+}
+
+/// What the command prints about the figure.
+fn size_text(figure: &Figure, layout: &PrintLayout, format: Format) -> String {
+    let sides = [figure.width, figure.height()].map(|side| side * layout.scale() / 96.0);
+    let panels = pluralize(panel_count(figure), "panel");
+    if layout.width.is_some() || format == Format::Pdf {
+        let [width, height] = sides.map(|inches| inches * 2.54);
+        return format!("{panels}, {width:.1} × {height:.1} cm");
+    }
+    let resolution = if format == Format::Png {
+        layout.resolution()
+    } else {
+        96.0
+    };
+    let [width, height] = sides.map(|inches| (inches * resolution).round());
+    format!("{panels}, {width} × {height} pixels")
 }
 
 fn panel_count(figure: &Figure) -> usize {
     let panels = figure.rows.iter().flat_map(|row| &row.panels);
     panels.filter(|panel| **panel != Panel::Blank).count()
-}
-
-fn size_text(figure: &Figure, is_png: bool) -> String {
-    let panels = panel_count(figure);
-    let scale = if is_png { PNG_SCALE } else { 1.0 };
-    let [width, height] = [figure.width, figure.height()].map(|side| (side * scale).round());
-    format!("{}, {width} × {height} pixels", pluralize(panels, "panel"))
 }
 
 fn default_out(runs: &[PathBuf]) -> PathBuf {
@@ -188,13 +201,14 @@ fn default_out(runs: &[PathBuf]) -> PathBuf {
     }
 }
 
-/// Whether the extension of the output file is `.png`; an error unless it is `.png` or `.svg`.
-fn is_png(out: &Path) -> Result<bool, CliError> {
+/// The format that the extension of the output file names.
+fn format_of(out: &Path) -> Result<Format, CliError> {
     match out.extension().and_then(|extension| extension.to_str()) {
-        Some("svg") => Ok(false),
-        Some("png") => Ok(true),
+        Some("svg") => Ok(Format::Svg),
+        Some("png") => Ok(Format::Png),
+        Some("pdf") => Ok(Format::Pdf),
         _ => Err(CliError::Usage(format!(
-            "--out {}: expected FILE.svg or FILE.png",
+            "--out {}: expected FILE.svg, FILE.pdf or FILE.png",
             out.display()
         ))),
     }
@@ -251,6 +265,7 @@ impl PlotArgs {
             axes: self.axes.clone(),
             color_by: self.color_by.map(Into::into),
             max_lines: self.lines,
+            width: self.print.layout().width_within(DEFAULT_WIDTH),
         }
     }
 }

@@ -51,7 +51,7 @@ pub(super) fn with_ranks(
 ) -> Result<(), CliError> {
     Err(CliError::Usage(
         "this build has no MPI; install one that has, with `cargo install --features mpi` \
-         (docs/cluster.md)"
+         (docs/mpi.md)"
             .to_owned(),
     ))
 }

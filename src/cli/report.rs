@@ -13,18 +13,35 @@ use seedbed::study::evaluate::results::{Results, ResultsError};
 use seedbed::study::report;
 use seedbed::study::report::publish;
 use seedbed::study::store::StudyFolder;
+use seedbed_figure::PrintLayout;
 use seedbed_stats::Verdict;
 
 pub(super) fn report(args: &ReportArgs) -> Result<(), CliError> {
+    let layout = &args.print.layout();
     for folder in &args.folders {
         let folder = StudyFolder::new(folder);
         match &args.publish {
             Some(parent) => publish(&folder, parent)?,
-            None if published::is_published(&folder) => write_texts_and_print(&folder)?,
-            None => write_and_print(&folder).map(|_| ())?,
+            None if published::is_published(&folder) => {
+                refuse_layout(&folder, layout)?;
+                write_texts_and_print(&folder)?;
+            }
+            None => write_and_print(&folder, layout).map(|_| ())?,
         }
     }
     Ok(())
+}
+
+/// Published results are single numbers of runs, from which no figures are drawn.
+fn refuse_layout(folder: &StudyFolder, layout: &PrintLayout) -> Result<(), CliError> {
+    if *layout == PrintLayout::default() {
+        return Ok(());
+    }
+    let path = folder.path().display();
+    let message = format!(
+        "{path} has published results without figures; expected a study directory with runs"
+    );
+    Err(CliError::Usage(message))
 }
 
 /// Writes the results of a study to a folder in `parent`.
@@ -71,11 +88,14 @@ fn write_error(folder: &Path, error: &io::Error) -> CliError {
 
 /// Writes the report of a study, and prints the verdicts and the paths of the files. Returns the
 /// number of failed runs.
-pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
+pub(super) fn write_and_print(
+    folder: &StudyFolder,
+    layout: &PrintLayout,
+) -> Result<usize, CliError> {
     let results = read(folder)?;
     warn_if_unverified(folder)?;
     let claim_results = claims::evaluate(&results);
-    let report_path = report::write(&results, &claim_results, folder.path())
+    let report_path = report::write(&results, &claim_results, folder.path(), layout)
         .map_err(|error| write_error(folder.path(), &error))?;
     print_results(&results, &claim_results);
     say!("results    {}", folder.path().join("results.csv").display());

@@ -191,6 +191,7 @@ pub(super) fn metric_rows(
     runs: &[PlottedRun],
     agents: &[u32],
     visits_are_comparable: bool,
+    columns: usize,
 ) -> Vec<Row> {
     let rows = || runs.iter().flat_map(|run| &run.loaded_run.rounds);
     let is_shown = |metric: &&Metric| {
@@ -205,14 +206,14 @@ pub(super) fn metric_rows(
         .collect();
     let row_of = |panels: &[Panel]| {
         let mut panels = panels.to_vec();
-        panels.resize(3, Panel::Blank);
+        panels.resize(columns, Panel::Blank);
         Row {
             height: 210.0,
             panels,
             key: None,
         }
     };
-    panels.chunks(3).map(row_of).collect()
+    panels.chunks(columns).map(row_of).collect()
 }
 
 /// What differs between runs, if measures of visits cannot be compared: they count cells of the display

@@ -162,6 +162,7 @@ impl Distribution {
             x: axis("x"),
             y: axis("y"),
             points,
+            lines: Vec::new(),
         };
         [
             Panel::ParallelCoordinates(parallel_coordinates),

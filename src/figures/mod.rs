@@ -14,7 +14,7 @@ mod settings;
 mod states;
 
 pub use self::error::FigureError;
-pub use self::settings::{FigureSettings, Part};
+pub use self::settings::{DEFAULT_WIDTH, FigureSettings, Part};
 
 use self::page::PlotPage;
 use self::runs::PlottedRun;

@@ -9,9 +9,6 @@ use crate::review::selection::SelectedStates;
 use crate::scenario::recording::ColorBy;
 use seedbed_figure::{Figure, Key, Panel, Row};
 
-/// Page width in CSS pixels: two columns of a paper.
-const WIDTH: f64 = 760.0;
-
 /// Minimum width of an axis with its name, in CSS pixels.
 const MIN_AXIS_WIDTH: f64 = 62.0;
 
@@ -61,12 +58,13 @@ impl PlotPage<'_> {
                 self.runs,
                 &settings.agents,
                 are_comparable,
+                self.columns_of_width(240.0),
             ));
         }
         let figure = Figure {
             title: self.title(),
             description: self.description(),
-            width: WIDTH,
+            width: settings.width,
             rows,
         };
         Ok((figure, notes))
@@ -210,13 +208,19 @@ impl PlotPage<'_> {
             .filter_map(|run| run.states.first().map(|_| self.axis_count(run)))
             .max()
             .unwrap_or(2);
-        let fitting_columns = ((WIDTH - 90.0) / (MIN_AXIS_WIDTH * axes as f64)) as usize;
+        let fitting_columns =
+            ((self.settings.width - 90.0) / (MIN_AXIS_WIDTH * axes as f64)) as usize;
         let max_columns = if self.runs.len() > 1 && !self.settings.agents.is_empty() {
             self.runs.len()
         } else {
             fitting_columns.clamp(1, 3)
         };
         balanced_columns(panels, max_columns)
+    }
+
+    /// Number of panels of at least this width that fit side by side, at most four.
+    fn columns_of_width(&self, width: f64) -> usize {
+        ((self.settings.width / width) as usize).clamp(1, 4)
     }
 
     /// Number of axes that a panel of the run draws.
@@ -267,7 +271,12 @@ impl PlotPage<'_> {
     fn density(&self) -> Vec<Row> {
         let groups: Vec<StateGroup<'_>> = self.team_groups();
         let (panels, key) = states::density(self.settings, &groups);
-        layout_rows(panels, self.runs.len().min(3), 230.0, key.as_ref())
+        layout_rows(
+            panels,
+            self.runs.len().min(self.columns_of_width(240.0)),
+            230.0,
+            key.as_ref(),
+        )
     }
 
     /// One group per run, with the states of all its agents.
@@ -285,11 +294,17 @@ impl PlotPage<'_> {
     }
 
     fn scatter(&self) -> Vec<Row> {
-        let (panels, key) = states::scatter(self.settings, &self.team_groups());
+        // Two axes are seen at a glance, so that each agent has a panel.
+        let groups = if self.settings.axes.len() == 2 {
+            self.visitation_groups()
+        } else {
+            self.team_groups()
+        };
+        let (panels, key) = states::scatter(self.settings, &groups);
         let columns = if self.runs.len() > 1 {
             self.runs.len()
         } else {
-            balanced_columns(panels.len(), 3)
+            balanced_columns(panels.len(), self.columns_of_width(170.0))
         };
         layout_rows(panels, columns, 220.0, key.as_ref())
     }

@@ -6,6 +6,8 @@ use crate::record::visitation::Axes;
 use crate::record::{RecordedStates, common_axes};
 use crate::review::LoadedRun;
 use crate::review::selection::{EpisodeSelection, SelectedStates};
+use crate::run::Plan;
+use seedbed_scene::outline;
 
 /// A run with the states to draw.
 #[derive(Debug)]
@@ -19,6 +21,8 @@ pub(super) struct PlottedRun {
     pub(super) states: Vec<SelectedStates>,
     /// Selected states of all agents, if only some agents are drawn and are compared with all.
     pub(super) team: Vec<SelectedStates>,
+    /// Outlines of bodies that never move, m: `[lines]` of `[points]`; empty if no part shows states, or the task is not known.
+    pub(super) walls: Vec<Vec<[f32; 2]>>,
 }
 
 /// Reads the states of opened runs. Calls `on_episode` for each episode that is read.
@@ -48,7 +52,13 @@ pub(super) fn read(
                 team = selection.select(recording, |_| on_episode())?;
             }
         }
+        let walls = if settings.shows(Part::Scatter) {
+            walls(&run).unwrap_or_default()
+        } else {
+            Vec::new()
+        };
         runs.push(PlottedRun {
+            walls,
             label: run.title(),
             loaded_run: run,
             axes: axes.clone(),
@@ -58,6 +68,16 @@ pub(super) fn read(
     }
     label_by_path_if_equal(&mut runs);
     Ok(runs)
+}
+
+/// The outlines of bodies that never move; `None` if the task is not known, or has processes of its own.
+fn walls(run: &LoadedRun) -> Option<Vec<Vec<[f32; 2]>>> {
+    let plan = Plan::of_run(run.folder.as_ref()?).ok()?;
+    if plan.description.gymnasium().is_some() {
+        return None;
+    }
+    let environment = seedbed_env::build(&plan.description, plan.scenario.physics, 1).ok()?;
+    Some(outline::fixed_lines(&*environment))
 }
 
 /// Without tables, the returns are taken from the recording.

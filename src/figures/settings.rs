@@ -26,7 +26,12 @@ pub struct FigureSettings {
     pub color_by: Option<ColorBy>,
     /// Maximum number of states that a panel draws one by one.
     pub max_lines: u32,
+    /// Width of the page in CSS pixels; [`DEFAULT_WIDTH`] is two columns of a paper.
+    pub width: f64,
 }
+
+/// Width of a page in CSS pixels, unless another is chosen.
+pub const DEFAULT_WIDTH: f64 = 760.0;
 
 /// A part of a figure of runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,5 +1,5 @@
 //! Writes the tensors of a team as safetensors, with metadata that say how they are used. Names of
-//! tensors and keys of the metadata are listed in `docs/recording.md`; a test compares them.
+//! tensors and keys of the metadata are listed in `docs/network_tensors.md`; a test compares them.
 
 use std::collections::BTreeMap;
 use std::io;

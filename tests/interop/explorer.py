@@ -309,7 +309,7 @@ def check_two_runs(browser: webdriver.Chrome, seedbed: str, run: Path, folder: P
 
 
 def write_states(folder: Path, axes: list[tuple[str, str]], states: np.ndarray) -> Path:
-    """A run of one episode that another program recorded: docs/recording.md describes the file."""
+    """A run of one episode that another program recorded: docs/state_files.md describes the file."""
 
     def frame(kind: bytes, payload: bytes) -> bytes:
         start = kind + struct.pack("<II", len(payload), zlib.crc32(payload))

@@ -344,6 +344,8 @@ fn links_between_pages_lead_to_files() {
         pages.extend(files_below(&root.join(folder), "md"));
     }
     pages.extend(["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"].map(|page| root.join(page)));
+    // Pages of the site alone link to others from the root of the repository; `cargo xtask site` follows all links.
+    pages.retain(|page| !page.starts_with(root.join("docs/site")));
     let mut link_count = 0;
     for page in pages {
         for target in relative_links(&fs::read_to_string(&page).unwrap()) {

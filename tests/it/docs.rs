@@ -121,6 +121,14 @@ fn commands_of_the_page_on_coordination_work() {
     run_commands("docs/coordination.md", 3);
 }
 
+#[test]
+fn commands_of_the_pages_on_algorithms_work() {
+    run_commands("docs/tabular.md", 3);
+    run_commands("docs/bonuses.md", 2);
+    run_commands("docs/how_agents_differ.md", 2);
+    run_commands("docs/soft_actor_critic.md", 1);
+}
+
 /// With `UPDATE_EXPECT=1` the page is rewritten.
 #[test]
 fn the_page_of_algorithms_is_current() {

@@ -286,8 +286,8 @@ fn plot_explains_invalid_options() {
     let plot =
         |extra_arguments: &[&str]| run_refused(&[&["plot", SAMPLE], extra_arguments].concat());
     assert_eq!(
-        plot(&["--out", "a.pdf"]),
-        "error: --out a.pdf: expected FILE.svg or FILE.png\n"
+        plot(&["--out", "a.gif"]),
+        "error: --out a.gif: expected FILE.svg, FILE.pdf or FILE.png\n"
     );
     assert_eq!(
         plot(&["--agents", "0,9", "--out", "a.svg"]),
@@ -415,7 +415,7 @@ fn plot_supports_every_color_option() {
 }
 
 /// `docs/parallel_coordinates.svg` is the figure of all example distributions, to the byte. After a
-/// change, draw it again with the command of `docs/recording.md`.
+/// change, draw it again with the command of `docs/parallel_coordinates.md`.
 #[test]
 fn the_figure_of_example_distributions_is_up_to_date() {
     let folder = tempfile::tempdir().unwrap();

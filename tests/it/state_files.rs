@@ -1,6 +1,6 @@
 //! Files of visited states that other programs record: reading, damage, and the commands.
 //!
-//! The files are written by this module, as `docs/recording.md` describes them.
+//! The files are written by this module, as `docs/state_files.md` describes them.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -379,7 +379,7 @@ fn agent_seeds_are_saved_on_request() {
     );
 }
 
-/// How `docs/recording.md` names a tensor: numbers and owners of bonus models are replaced by letters.
+/// How `docs/network_tensors.md` names a tensor: numbers and owners of bonus models are replaced by letters.
 fn documented_name(name: &str) -> String {
     let parts = name.split('.').map(|part| match part.split_once('_') {
         Some(("agent", _)) => "agent_K",
@@ -403,7 +403,7 @@ fn documented_name(name: &str) -> String {
 
 #[test]
 fn all_tensors_and_keys_are_documented() {
-    let documentation = std::fs::read_to_string("docs/recording.md").unwrap();
+    let documentation = std::fs::read_to_string("docs/network_tensors.md").unwrap();
     for (scenario, algorithm) in [
         (
             "pendulum",

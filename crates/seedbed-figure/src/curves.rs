@@ -155,25 +155,10 @@ impl Curves {
         };
         let entries = self.legend_entries();
         let plot = axes.plot(panel);
-        let free_rect = legend::find_free_rect(&entries, &plot.area, &self.occupied_points(&plot));
-        let legend_width = if entries.is_empty() || free_rect.is_some() {
-            0.0
-        } else {
-            legend::width_beside(&entries, panel)
-        };
-        let plot = axes.draw(&panel.inset([0.0, legend_width, 0.0, 0.0]), svg);
+        let place = legend::place(&entries, panel, &plot.area, &self.occupied_points(&plot));
+        let plot = axes.draw(&panel.inset(place.margins()), svg);
         self.draw_data(&plot, svg);
-        let rect_at_the_right = Rect {
-            x: plot.area.right() + 8.0,
-            width: legend_width,
-            ..plot.area
-        };
-        legend::draw(
-            &entries,
-            &free_rect.unwrap_or(rect_at_the_right),
-            &plot.area,
-            svg,
-        );
+        legend::draw(&entries, &place, panel, &plot.area, svg);
     }
 
     /// Draws bands, thresholds and curves, in this order, and the names of thresholds.
@@ -432,7 +417,7 @@ mod tests {
         );
         let mut svg = SvgWriter::default();
         series.draw_band(&plot, &mut svg);
-        let text = svg.into_svg(100.0, 100.0, "", "");
+        let text = svg.into_svg([100.0, 100.0], 1.0, "", "");
         assert!(text.contains("M0 80L50 70L50 0L0 60Z"), "{text}");
     }
 

@@ -90,7 +90,7 @@ mod tests {
         };
         let mut svg = SvgWriter::default();
         drawing.draw(&panel, &mut svg);
-        let text = svg.into_svg(200.0, 124.0, "", "");
+        let text = svg.into_svg([200.0, 124.0], 1.0, "", "");
         assert!(text.contains("M52 24L148 24L148 120L52 120Z"), "{text}");
     }
 }

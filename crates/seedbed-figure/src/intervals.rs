@@ -241,7 +241,7 @@ mod tests {
             let scale = Scale::new([0.0, 200.0], [0.0, 100.0]);
             let mut svg = SvgWriter::default();
             row.draw(&scale, &area, 10.0, &mut svg);
-            svg.into_svg(100.0, 20.0, "", "")
+            svg.into_svg([100.0, 20.0], 1.0, "", "")
         };
         let cap = |x: f64| format!("M{x} 6L{x} 14");
         let [right, left] = ["M100 10L92 5.5L92 14.5", "M0 10L8 5.5L8 14.5"];

@@ -1,5 +1,5 @@
-//! The legend of curves. It is drawn in a corner or at an edge of the plot that no curve covers, or
-//! beside the plot if there is no such place.
+//! The legend of curves. It is drawn in a corner or at an edge of the plot that no curve covers. If there
+//! is no such place, it is drawn beside the plot or, where that would take too much of its width, below.
 //!
 //! Curves and bands are sampled so densely that no legend fits between two sample points. So a
 //! rectangle without sample points is free.
@@ -37,22 +37,114 @@ fn max_entries(plot: &Rect) -> usize {
     ((plot.height - 2.0 * MARGIN) / LINE_HEIGHT) as usize
 }
 
-/// A rectangle in a plot at which a legend covers none of `points`; `None` if there is none.
-pub(super) fn find_free_rect(
+/// Where a legend is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Place {
+    /// Within the plot, where nothing else is.
+    Inside(Rect),
+    /// To the right of the plot, with this width.
+    Beside(f64),
+    /// Below the plot, with this height.
+    Below(f64),
+}
+
+impl Place {
+    /// The part of the panel that the legend needs: top, right, bottom, left.
+    pub(super) fn margins(self) -> [f64; 4] {
+        match self {
+            Self::Inside(_) => [0.0; 4],
+            Self::Beside(width) => [0.0, width, 0.0, 0.0],
+            Self::Below(height) => [0.0, 0.0, height, 0.0],
+        }
+    }
+}
+
+/// Share of the width of a panel that a legend beside the plot may take.
+const MAX_SHARE_BESIDE: f64 = 0.3;
+
+/// A place for a legend that covers none of `points`.
+pub(super) fn place(
     entries: &[Entry<'_>],
+    panel: &Rect,
     plot: &Rect,
     points: &[[f64; 2]],
-) -> Option<Rect> {
-    free_rect_of_size(legend_size(entries, plot), plot, points)
+) -> Place {
+    if entries.is_empty() {
+        return Place::Beside(0.0);
+    }
+    let size = legend_size(entries, plot);
+    if let Some(rect) = free_rect_of_size(size, plot, points) {
+        return Place::Inside(rect);
+    }
+    let height_below = 6.0 + LINE_HEIGHT * lines(entries, panel.width).len() as f64;
+    if size[0] > MAX_SHARE_BESIDE * panel.width && height_below < 0.4 * panel.height {
+        return Place::Below(height_below);
+    }
+    Place::Beside(size[0].min(0.4 * panel.width))
 }
 
-/// Width of a legend beside a plot.
-pub(super) fn width_beside(entries: &[Entry<'_>], panel: &Rect) -> f64 {
-    legend_size(entries, panel)[0].min(0.4 * panel.width)
+/// The entries of each line of a legend of this width, as indices.
+fn lines(entries: &[Entry<'_>], width: f64) -> Vec<Vec<usize>> {
+    let mut lines: Vec<Vec<usize>> = Vec::new();
+    let mut end_of_line = f64::INFINITY;
+    for (index, entry) in entries.iter().enumerate() {
+        let entry_width = entry_width(entry);
+        if end_of_line + entry_width > width {
+            lines.push(Vec::new());
+            end_of_line = 0.0;
+        }
+        lines.last_mut().expect("a line was added").push(index);
+        end_of_line += entry_width;
+    }
+    lines
 }
 
-/// Draws as many entries as fit into `plot`, beginning at the upper left corner of `rect`.
-pub(super) fn draw(entries: &[Entry<'_>], rect: &Rect, plot: &Rect, svg: &mut SvgWriter) {
+/// Width of an entry with the space after it.
+fn entry_width(entry: &Entry<'_>) -> f64 {
+    28.0 + text_width(entry.name, TICK_SIZE, Weight::Regular) + 12.0
+}
+
+/// Draws the entries, or as many as fit into the height of the plot if they are one below the other.
+pub(super) fn draw(
+    entries: &[Entry<'_>],
+    place: &Place,
+    panel: &Rect,
+    plot: &Rect,
+    svg: &mut SvgWriter,
+) {
+    match *place {
+        Place::Inside(rect) => draw_column(entries, &rect, plot, svg),
+        Place::Beside(width) => {
+            let rect = Rect {
+                x: plot.right() + 8.0,
+                width,
+                ..*plot
+            };
+            draw_column(entries, &rect, plot, svg);
+        }
+        Place::Below(height) => {
+            let rect = Rect {
+                y: panel.bottom() - height + 6.0,
+                height,
+                ..*panel
+            };
+            draw_lines(entries, &rect, svg);
+        }
+    }
+}
+
+fn draw_lines(entries: &[Entry<'_>], rect: &Rect, svg: &mut SvgWriter) {
+    for (line, indices) in lines(entries, rect.width).iter().enumerate() {
+        let y = rect.y + LINE_HEIGHT * (line as f64 + 0.5);
+        let mut x = rect.x;
+        for &index in indices {
+            draw_entry(&entries[index], [x, y], rect.right() - x, svg);
+            x += entry_width(&entries[index]);
+        }
+    }
+}
+
+fn draw_column(entries: &[Entry<'_>], rect: &Rect, plot: &Rect, svg: &mut SvgWriter) {
     if entries.is_empty() {
         return;
     }
@@ -66,17 +158,22 @@ pub(super) fn draw(entries: &[Entry<'_>], rect: &Rect, plot: &Rect, svg: &mut Sv
     );
     for (line, entry) in entries.iter().take(max_entries(plot)).enumerate() {
         let y = rect.y + LINE_HEIGHT * (line as f64 + 0.5) + 2.0;
-        svg.line(
-            &[[rect.x + 5.0, y], [rect.x + 22.0, y]],
-            Stroke::new(entry.color, 2.5),
-        );
-        let name = fit_text(entry.name, rect.width - 28.0, TICK_SIZE, Weight::Regular);
-        svg.text(
-            [rect.x + 28.0, y + 4.0],
-            &name,
-            TextStyle::new(TICK_SIZE, Anchor::Start),
-        );
+        draw_entry(entry, [rect.x, y], rect.width, svg);
     }
+}
+
+/// A short line in the entry's color, and its name, shortened to `width` with the line.
+fn draw_entry(entry: &Entry<'_>, [x, y]: [f64; 2], width: f64, svg: &mut SvgWriter) {
+    svg.line(
+        &[[x + 5.0, y], [x + 22.0, y]],
+        Stroke::new(entry.color, 2.5),
+    );
+    let name = fit_text(entry.name, width - 28.0, TICK_SIZE, Weight::Regular);
+    svg.text(
+        [x + 28.0, y + 4.0],
+        &name,
+        TextStyle::new(TICK_SIZE, Anchor::Start),
+    );
 }
 
 /// Sample points of the line through `points`, so dense that no legend fits between two of them.
@@ -196,6 +293,32 @@ mod tests {
             free_corner(&[flat(10.0), flat(28.0), flat(46.0), flat(64.0), flat(82.0)].concat()),
             None
         );
+    }
+
+    /// A name of five digits is 44 wide, with its line and space 71: 4 × 71 > 200, so two lines. Beside the plot there is
+    /// room on wide panels only.
+    #[test]
+    fn without_a_free_place_legends_are_beside_or_below() {
+        let entry = Entry {
+            name: "00000",
+            color: [0; 3],
+        };
+        let full: Vec<[f64; 2]> = (0..40)
+            .flat_map(|line| {
+                sample_line(&[[0.0, 5.0 * f64::from(line)], [900.0, 5.0 * f64::from(line)]])
+            })
+            .collect();
+        let panel = |width| Rect {
+            x: 0.0,
+            y: 0.0,
+            width,
+            height: 200.0,
+        };
+        let place_in = |width| place(&[entry; 4], &panel(width), &panel(width), &full);
+        assert_eq!(place_in(200.0), Place::Below(6.0 + 2.0 * LINE_HEIGHT));
+        assert!(matches!(place_in(900.0), Place::Beside(width) if (60.0..70.0).contains(&width)));
+        assert_eq!(lines(&[entry; 4], 200.0), [[0, 1], [2, 3]]);
+        assert_eq!(lines(&[entry; 1], 20.0), [[0]]);
     }
 
     /// The edges of this band are above and below the plot, so only its area covers the corners.

@@ -1,7 +1,7 @@
 //! Figures for publications: pure functions from data to SVG text and PNG bytes.
 //!
 //! A [`Figure`] is rows of panels on a white page. [`Figure::svg`] returns an SVG file, which
-//! browsers show and vector editors can change. [`Figure::png`] renders it with fonts that are part
+//! browsers show and vector editors can change. [`Figure::pdf`] and [`Figure::png`] render it with fonts that are part
 //! of this crate, so that the result does not depend on the fonts of the machine. The same data
 //! give the same bytes.
 //!
@@ -59,8 +59,10 @@ mod page;
 mod pair;
 mod panel_axes;
 mod parallel;
+mod pdf;
 mod picture;
 mod pixels;
+mod print;
 mod scale;
 mod svg;
 
@@ -74,7 +76,8 @@ pub use number_grid::{GridNumber, NumberGrid};
 pub use pair::{HeatMap, Scatter, ScatterPoint};
 pub use parallel::{DensityImage, DifferenceImage, ParallelCoordinates, StateLine, States};
 pub use picture::Picture;
-pub use pixels::{Pixels, PngError};
+pub use pixels::{Pixels, RenderError};
+pub use print::{Format, PrintLayout};
 
 /// One dimension of a panel: its name, its unit, and the range that is shown.
 #[derive(Clone, Debug, PartialEq)]

@@ -152,7 +152,7 @@ mod tests {
         };
         let mut svg = SvgWriter::default();
         grid.draw(&panel, &mut svg);
-        let text = svg.into_svg(254.0, 164.0, "", "");
+        let text = svg.into_svg([254.0, 164.0], 1.0, "", "");
         assert!(text.contains(">−4</text>"), "{text}");
         let position = |x: f64, y: f64| format!("x=\"{}\" y=\"{}\"", LEFT + x, TITLE_HEIGHT + y);
         // Lower left, upper left and upper right.

@@ -5,7 +5,7 @@ use super::panel_axes::TITLE_HEIGHT;
 use super::svg::{Anchor, Rect, SvgWriter, TextStyle};
 use super::{
     Curves, Drawing, Figure, HeatMap, Intervals, NumberGrid, Panel, ParallelCoordinates, Picture,
-    Pixels, PngError, Row, Scatter, pixels,
+    Pixels, RenderError, Row, Scatter, pdf, pixels,
 };
 
 const HEADING_SIZE: f64 = 15.0;
@@ -36,6 +36,12 @@ impl Figure {
     /// The text of an SVG file.
     #[must_use]
     pub fn svg(&self) -> String {
+        self.svg_scaled(1.0)
+    }
+
+    /// The text of an SVG file in which all lengths, also those of letters, are multiplied by `scale`.
+    #[must_use]
+    pub fn svg_scaled(&self, scale: f64) -> String {
         let mut svg = SvgWriter::default();
         let page_area = Rect {
             x: 0.0,
@@ -65,8 +71,8 @@ impl Figure {
             y += row.height + GAP;
         }
         svg.into_svg(
-            self.width,
-            self.height(),
+            [self.width, self.height()],
+            scale,
             &self.alt_text(),
             &self.description,
         )
@@ -77,16 +83,36 @@ impl Figure {
     ///
     /// # Errors
     /// The page is empty.
-    pub fn png(&self, scale: f64) -> Result<Vec<u8>, PngError> {
-        let scale = scale.min(pixels::MAX_SIDE / self.width.max(self.height()));
-        self.pixels(scale)?.into_png(scale)
+    pub fn png(&self, scale: f64) -> Result<Vec<u8>, RenderError> {
+        self.png_for_print(1.0, scale * pixels::PIXELS_PER_INCH)
+    }
+
+    /// The bytes of a PNG file in which all lengths are multiplied by `scale`, with this resolution or a lower one if a side
+    /// would have more than 20,000 pixels.
+    ///
+    /// # Errors
+    /// The page is empty.
+    pub fn png_for_print(&self, scale: f64, pixels_per_inch: f64) -> Result<Vec<u8>, RenderError> {
+        let pixels_per_length = scale * pixels_per_inch / pixels::PIXELS_PER_INCH;
+        let fitting = pixels_per_length.min(pixels::MAX_SIDE / self.width.max(self.height()));
+        let resolution = pixels_per_inch * fitting / pixels_per_length;
+        self.pixels(fitting)?.into_png(resolution)
+    }
+
+    /// The bytes of a PDF file with one page, in which all lengths are multiplied by `scale`. Fonts are embedded, text can be
+    /// selected, and lines are lines.
+    ///
+    /// # Errors
+    /// The page is empty.
+    pub fn pdf(&self, scale: f64) -> Result<Vec<u8>, RenderError> {
+        pdf::pdf(&self.svg(), &self.alt_text(), scale)
     }
 
     /// The image that [`png`](Self::png) encodes.
     ///
     /// # Errors
     /// The page is empty, or too large for memory.
-    pub fn pixels(&self, scale: f64) -> Result<Pixels, PngError> {
+    pub fn pixels(&self, scale: f64) -> Result<Pixels, RenderError> {
         pixels::draw(&self.svg(), scale)
     }
 
@@ -248,12 +274,14 @@ mod tests {
             counts: vec![0, 1, 2, 3],
             columns: 2,
             max_count: 3,
+            lines: vec![vec![[-0.5, -2.0], [-0.5, 0.5]]],
         };
         let scatter = Scatter {
             title,
             x,
             y,
             points: vec![point; 4],
+            lines: Vec::new(),
         };
         vec![Panel::Scatter(scatter), Panel::HeatMap(heat_map)]
     }
@@ -350,6 +378,29 @@ mod tests {
         let png = figure_with_all_panels().png(2.0).unwrap();
         let height = figure_with_all_panels().height() as u32;
         assert_eq!(size(&png), [1200, 2 * height]);
+    }
+
+    /// A page for a column of a paper: 8.4 cm are 238.1 points, and 992 pixels at 300 per inch, or 11811 per meter.
+    #[test]
+    fn pages_for_print_have_their_size_and_resolution() {
+        let mut figure = figure_with_all_panels();
+        let scale = 8.0 / 9.0;
+        figure.width = 8.4 / 2.54 * 96.0 / scale;
+        let svg = figure.svg_scaled(scale);
+        assert!(
+            svg.contains("width=\"317.48\"") && svg.contains("viewBox=\"0 0 357.17 "),
+            "{}",
+            &svg[..300]
+        );
+        let png = figure.png_for_print(scale, 300.0).unwrap();
+        assert_eq!(png[16..20], 992_u32.to_be_bytes());
+        let resolution = png.windows(4).position(|name| name == b"pHYs").unwrap();
+        assert_eq!(png[resolution + 4..resolution + 8], 11811_u32.to_be_bytes());
+        let pdf = figure.pdf(scale).unwrap();
+        let text = String::from_utf8_lossy(&pdf);
+        assert!(text.starts_with("%PDF-") && text.contains("/MediaBox[0 0 238.11"));
+        assert!(text.contains("/FontFile2") && text.contains("Roboto-Regular"));
+        assert_eq!(pdf, figure.pdf(scale).unwrap());
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! Plots of two dimensions against each other: as points, or as counts.
 
-use super::color::{Color, count_color};
+use super::color::{Color, MUTED_COLOR, count_color};
 use super::panel_axes::{PanelAxes, Plot};
 use super::pixels;
 use super::scale::percent;
-use super::svg::{Rect, SvgWriter};
+use super::svg::{Rect, Stroke, SvgWriter};
 use crate::Axis;
 
 /// Points of two dimensions.
@@ -18,6 +18,8 @@ pub struct Scatter {
     pub y: Axis,
     /// Points; later ones are drawn on top.
     pub points: Vec<ScatterPoint>,
+    /// Lines in the plane, such as walls, drawn on top.
+    pub lines: Vec<Vec<[f32; 2]>>,
 }
 
 /// One point.
@@ -45,11 +47,19 @@ pub struct HeatMap {
     pub columns: usize,
     /// The count with the darkest color.
     pub max_count: u32,
+    /// Lines in the plane, such as walls, drawn on top.
+    pub lines: Vec<Vec<[f32; 2]>>,
 }
 
 impl Scatter {
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
-        let plot = draw_axes(&self.title, &self.x, &self.y, panel, svg);
+        let plot = draw_axes(
+            &self.title,
+            [&self.x, &self.y],
+            !self.lines.is_empty(),
+            panel,
+            svg,
+        );
         let (radius, opacity) = if self.points.len() > 500 {
             (1.3, 0.5)
         } else {
@@ -64,12 +74,19 @@ impl Scatter {
             ]);
             svg.dot(position, radius, point.color, opacity);
         }
+        draw_lines(&self.lines, &plot, svg);
     }
 }
 
 impl HeatMap {
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
-        let plot = draw_axes(&self.title, &self.x, &self.y, panel, svg);
+        let plot = draw_axes(
+            &self.title,
+            [&self.x, &self.y],
+            !self.lines.is_empty(),
+            panel,
+            svg,
+        );
         let from_the_top = self.counts.chunks(self.columns.max(1)).rev().flatten();
         let colors: Vec<Color> = from_the_top
             .map(|&count| count_color(count, self.max_count))
@@ -81,10 +98,34 @@ impl HeatMap {
                 true,
             );
         }
+        draw_lines(&self.lines, &plot, svg);
     }
 }
 
-fn draw_axes(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter) -> Plot {
+/// Draws the parts of lines that are within the plot.
+fn draw_lines(lines: &[Vec<[f32; 2]>], plot: &Plot, svg: &mut SvgWriter) {
+    if lines.is_empty() {
+        return;
+    }
+    svg.clipped(&plot.area, |svg| {
+        for line in lines {
+            let points: Vec<[f64; 2]> = line
+                .iter()
+                .map(|point| plot.position(point.map(f64::from)))
+                .collect();
+            svg.line(&points, Stroke::new(MUTED_COLOR, 1.0));
+        }
+    });
+}
+
+/// Draws the axes. If the plot is to scale, a meter has the same length on both, so that walls have their shape.
+fn draw_axes(
+    title: &str,
+    [x, y]: [&Axis; 2],
+    is_to_scale: bool,
+    panel: &Rect,
+    svg: &mut SvgWriter,
+) -> Plot {
     let axes = PanelAxes {
         title,
         x_label: &axis_label_with_shares(x),
@@ -95,7 +136,21 @@ fn draw_axes(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter)
         y_logarithmic: false,
         has_grid: false,
     };
-    axes.draw(panel, svg)
+    let margins = if is_to_scale {
+        margins_to_scale(&axes.plot(panel).area, axes.x_range, axes.y_range)
+    } else {
+        [0.0; 4]
+    };
+    axes.draw(&panel.inset(margins), svg)
+}
+
+/// What is left out of an area, so that a unit has the same length on both axes: top, right, bottom, left.
+fn margins_to_scale(area: &Rect, x_range: [f64; 2], y_range: [f64; 2]) -> [f64; 4] {
+    let [x_length, y_length] = [x_range, y_range].map(|[low, high]| high - low);
+    let scale = (area.width / x_length).min(area.height / y_length);
+    let bottom = area.height - scale * y_length;
+    let right = area.width - scale * x_length;
+    [0.0, right, bottom, 0.0]
 }
 
 /// Name and unit of an axis, with the shares of values that are not drawn at their place, such as
@@ -111,5 +166,79 @@ fn axis_label_with_shares(axis: &Axis) -> String {
         axis.label()
     } else {
         format!("{} ({})", axis.label(), shares.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The plot is square; the wall is at a quarter of its width, from its bottom to three quarters of its height.
+    #[test]
+    fn walls_are_drawn_to_scale() {
+        let axis = |name: &str| Axis {
+            name: name.to_owned(),
+            unit: "m".to_owned(),
+            range: [-1.0, 1.0],
+            outside: [0.0; 2],
+            nan: 0.0,
+        };
+        let scatter = Scatter {
+            title: String::new(),
+            x: axis("x"),
+            y: axis("y"),
+            points: Vec::new(),
+            lines: vec![vec![[-0.5, -1.0], [-0.5, 0.5]]],
+        };
+        let mut svg = SvgWriter::default();
+        let panel = Rect {
+            x: 0.0,
+            y: 0.0,
+            width: 400.0,
+            height: 120.0,
+        };
+        scatter.draw(&panel, &mut svg);
+        let plot = draw_axes(
+            "",
+            [&scatter.x, &scatter.y],
+            true,
+            &panel,
+            &mut SvgWriter::default(),
+        );
+        assert!((plot.area.width - plot.area.height).abs() < 1e-9 && plot.area.width > 40.0);
+        let side = plot.area.width;
+        let text = svg.into_svg([400.0, 120.0], 1.0, "", "");
+        let start = text.rfind("<path d=\"M").unwrap() + 10;
+        let numbers: Vec<f64> = text[start..]
+            .split('"')
+            .next()
+            .unwrap()
+            .split(['L', ' '])
+            .map(|number| number.parse().unwrap())
+            .collect();
+        let expected = [0.25, 1.0, 0.25, 0.25].map(|share| share * side);
+        let offsets = [plot.area.x, plot.area.y, plot.area.x, plot.area.y];
+        for ((number, share), offset) in numbers.iter().zip(expected).zip(offsets) {
+            assert!((number - offset - share).abs() < 0.01, "{text}");
+        }
+    }
+
+    /// 4 × 2 units in 100 × 80 are 25 per unit, so that 50 of the height are used; 2 × 4 units are 20 per unit.
+    #[test]
+    fn plots_to_scale_use_as_much_of_their_area_as_possible() {
+        let area = Rect {
+            x: 0.0,
+            y: 0.0,
+            width: 100.0,
+            height: 80.0,
+        };
+        assert_eq!(
+            margins_to_scale(&area, [-2.0, 2.0], [0.0, 2.0]),
+            [0.0, 0.0, 30.0, 0.0]
+        );
+        assert_eq!(
+            margins_to_scale(&area, [0.0, 2.0], [0.0, 4.0]),
+            [0.0, 60.0, 0.0, 0.0]
+        );
     }
 }

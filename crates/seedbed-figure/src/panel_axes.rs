@@ -7,6 +7,7 @@ use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 
 /// Font sizes.
 pub(super) const TITLE_SIZE: f64 = 13.0;
+/// Size of the letters of axis labels, in CSS pixels.
 pub(super) const LABEL_SIZE: f64 = 12.0;
 pub(super) const TICK_SIZE: f64 = 11.0;
 const SMALL_TITLE_SIZE: f64 = 10.5;

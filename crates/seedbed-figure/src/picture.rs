@@ -59,7 +59,7 @@ mod tests {
         };
         let mut svg = SvgWriter::default();
         picture.draw(&panel, &mut svg);
-        let text = svg.into_svg(104.0, 124.0, "", "");
+        let text = svg.into_svg([104.0, 124.0], 1.0, "", "");
         let place = "<image x=\"4\" y=\"48\" width=\"96\" height=\"48\"";
         assert!(text.contains(place), "{text}");
     }

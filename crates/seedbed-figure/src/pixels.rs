@@ -9,9 +9,9 @@ use resvg::usvg::{Options, Tree};
 use super::color::Color;
 use super::font::{MEDIUM, REGULAR};
 
-/// The figure could not be drawn as PNG.
+/// The figure could not be drawn as PNG or PDF.
 #[derive(Debug, thiserror::Error)]
-pub enum PngError {
+pub enum RenderError {
     /// The page is empty, or has more pixels than memory can hold.
     #[error("cannot draw an image of {0} × {1} pixels: sides must be between 1 and 20000 pixels")]
     Size(u32, u32),
@@ -19,6 +19,9 @@ pub enum PngError {
     #[error("cannot draw the figure: {0}")]
     Drawing(String),
 }
+
+/// CSS pixels per inch.
+pub(super) const PIXELS_PER_INCH: f64 = 96.0;
 
 /// Maximum width and height in pixels. A larger image would take gigabytes of memory.
 pub(super) const MAX_SIDE: f64 = 20_000.0;
@@ -69,24 +72,28 @@ impl Pixels {
         }
     }
 
-    pub(super) fn into_png(self, scale: f64) -> Result<Vec<u8>, PngError> {
-        encode_png(&self.rgb, [self.width, self.height], scale)
-            .map_err(|error| PngError::Drawing(error.to_string()))
+    pub(super) fn into_png(self, pixels_per_inch: f64) -> Result<Vec<u8>, RenderError> {
+        encode_png(&self.rgb, [self.width, self.height], pixels_per_inch)
+            .map_err(|error| RenderError::Drawing(error.to_string()))
     }
 }
 
-/// Renders an SVG file with `scale` pixels per CSS pixel.
-pub(super) fn draw(svg: &str, scale: f64) -> Result<Pixels, PngError> {
+/// The elements of an SVG file, with the fonts of this crate.
+pub(super) fn tree(svg: &str) -> Result<Tree, RenderError> {
     let options = Options {
         fontdb: Arc::clone(&FONTS),
         font_family: "Roboto".to_owned(),
         ..Options::default()
     };
-    let tree =
-        Tree::from_str(svg, &options).map_err(|error| PngError::Drawing(error.to_string()))?;
+    Tree::from_str(svg, &options).map_err(|error| RenderError::Drawing(error.to_string()))
+}
+
+/// Renders an SVG file with `scale` pixels per CSS pixel.
+pub(super) fn draw(svg: &str, scale: f64) -> Result<Pixels, RenderError> {
+    let tree = tree(svg)?;
     let [width, height] =
         [tree.size().width(), tree.size().height()].map(|side| (f64::from(side) * scale).round());
-    let size_error = || PngError::Size(width as u32, height as u32);
+    let size_error = || RenderError::Size(width as u32, height as u32);
     let fits_into_memory = width.max(height) <= MAX_SIDE;
     let mut pixels = fits_into_memory
         .then(|| Pixmap::new(width as u32, height as u32))
@@ -115,23 +122,22 @@ pub(super) fn draw(svg: &str, scale: f64) -> Result<Pixels, PngError> {
 fn encode_png(
     rgb: &[u8],
     [width, height]: [u32; 2],
-    scale: f64,
+    pixels_per_inch: f64,
 ) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_compression(png::Compression::High);
-    encoder.set_pixel_dims(Some(pixel_dimensions(scale)));
+    encoder.set_pixel_dims(Some(pixel_dimensions(pixels_per_inch)));
     let mut writer = encoder.write_header()?;
     writer.write_image_data(rgb)?;
     writer.finish()?;
     Ok(bytes)
 }
 
-/// Resolution stored in a PNG file, so that programs print the figure at its original size: a CSS
-/// pixel is 1/96 inch.
-fn pixel_dimensions(scale: f64) -> png::PixelDimensions {
-    let pixels_per_meter = (scale * 96.0 / 0.0254).round() as u32;
+/// Resolution stored in a PNG file, so that programs print the figure at its original size.
+fn pixel_dimensions(pixels_per_inch: f64) -> png::PixelDimensions {
+    let pixels_per_meter = (pixels_per_inch / 0.0254).round() as u32;
     png::PixelDimensions {
         xppu: pixels_per_meter,
         yppu: pixels_per_meter,
@@ -145,7 +151,7 @@ pub(super) fn png_of_colors(colors: &[Color], width: usize) -> Vec<u8> {
     encode_png(
         &colors[..width * height].concat(),
         [width as u32, height as u32],
-        1.0,
+        PIXELS_PER_INCH,
     )
     .expect("pixels in memory can be encoded as PNG")
 }

@@ -134,22 +134,19 @@ pub(super) struct SvgWriter {
 }
 
 impl SvgWriter {
-    /// The complete SVG file.
+    /// The complete SVG file, shown with `scale` CSS pixels per unit of length.
     pub(super) fn into_svg(
         self,
-        width: f64,
-        height: f64,
+        size: [f64; 2],
+        scale: f64,
         title: &str,
         description: &str,
     ) -> String {
-        let (w, h, title, description) = (
-            format_length(width),
-            format_length(height),
-            escape(title),
-            escape(description),
-        );
+        let [w, h] = size.map(format_length);
+        let [shown_width, shown_height] = size.map(|side| format_length(side * scale));
+        let (title, description) = (escape(title), escape(description));
         format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" role=\"img\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{shown_width}\" height=\"{shown_height}\" viewBox=\"0 0 {w} {h}\" role=\"img\" \
              font-family=\"{FONT_FAMILY}\">\n<title>{title}</title>\n<desc>{description}</desc>\n\
              <rect width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n{}</svg>\n",
             self.elements

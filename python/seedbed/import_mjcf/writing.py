@@ -35,7 +35,7 @@ UNNAMED_MODEL = "MuJoCo Model"
 
 NEXT = """What to do next: `seedbed check FILE` reports whether the file is correct, `seedbed preview FILE` shows it in motion.
 Write `reward`, a formula over sensors, observations and actions, `terminated` if episodes end early, and the start
-distribution `reset`. Choose observations and their ranges. envs/README.md of the repository explains all fields."""
+distribution `reset`. Choose observations and their ranges. docs/task_fields.md of the repository explains all fields."""
 
 
 def task_text(conversion: Conversion) -> str:

@@ -2,7 +2,7 @@
 
 use rand::RngExt;
 use seedbed_env::{Choice, Environment, Pose, Scene, Status, TaskSpec};
-use seedbed_figure::{Drawing, Figure, Panel, Pixels, PngError, Row};
+use seedbed_figure::{Drawing, Figure, Panel, Pixels, RenderError, Row};
 use seedbed_random::{Purpose, Stream, stream};
 use seedbed_scene::camera::{Bounds, episode_bounds, union};
 use seedbed_scene::drawing;
@@ -71,7 +71,7 @@ pub(super) fn draw(
     terrain: &[Vec<[f32; 2]>],
     bounds: Bounds,
     [width, height]: [u32; 2],
-) -> Result<Pixels, PngError> {
+) -> Result<Pixels, RenderError> {
     let now = episode_bounds(scene, poses, terrain);
     let is_finite = |bounds: &Bounds| bounds.iter().all(|number| number.is_finite());
     let drawing = Drawing {

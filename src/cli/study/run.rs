@@ -13,6 +13,7 @@ use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::execute::shard::Shard;
 use seedbed::study::store::StudyFolder;
 use seedbed::text::terminal_line;
+use seedbed_figure::PrintLayout;
 
 /// Executes a single run; other processes may work in the same directory. Returns the number of
 /// failed runs, 0 or 1.
@@ -136,7 +137,7 @@ pub(super) fn run_all(
     }
     folder.remove_checkpoints_of_finished(&plan.distinct_runs());
     folder.remove_leftovers();
-    report::write_and_print(folder)
+    report::write_and_print(folder, &PrintLayout::default())
 }
 
 /// Executes the first `runs_per_cell` runs of each cell that have no stored result.

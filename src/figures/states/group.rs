@@ -169,6 +169,17 @@ impl<'a> StateGroup<'a> {
         sum
     }
 
+    /// The walls of the task, if the axes are its coordinates.
+    fn scenery(&self, [x, y]: [&Axis; 2]) -> Vec<Vec<[f32; 2]>> {
+        let are_coordinates =
+            [x, y].map(|axis| (axis.name.as_str(), axis.unit.as_str())) == [("x", "m"), ("y", "m")];
+        if are_coordinates {
+            self.run.walls.clone()
+        } else {
+            Vec::new()
+        }
+    }
+
     pub(super) fn heat_map_panel(
         &self,
         settings: &FigureSettings,
@@ -177,6 +188,7 @@ impl<'a> StateGroup<'a> {
         max_count: u32,
     ) -> Panel {
         let [x, y] = self.axes_of_pair(settings, pair);
+        let lines = self.scenery([&x, &y]);
         Panel::HeatMap(HeatMap {
             title: format!("{}: {}", self.title, self.state_count_text()),
             x,
@@ -184,6 +196,7 @@ impl<'a> StateGroup<'a> {
             counts,
             columns: GRID_CELLS,
             max_count,
+            lines,
         })
     }
 
@@ -204,8 +217,10 @@ impl<'a> StateGroup<'a> {
             color: colors.color(agent, state),
         };
         let points = self.sample(settings).into_iter().map(point).collect();
+        let lines = self.scenery([&x_axis, &y_axis]);
         Panel::Scatter(Scatter {
             title: format!("{}: {}", self.title, self.sample_size_text(settings)),
+            lines,
             x: x_axis,
             y: y_axis,
             points,

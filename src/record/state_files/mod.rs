@@ -1,6 +1,6 @@
 //! Files of visited states that other programs write: one file per agent, `states/agent_K.states`,
 //! to which finished episodes are appended. The Python package `seedbed` writes them for any
-//! Gymnasium environment. `docs/recording.md` describes the format.
+//! Gymnasium environment. `docs/state_files.md` describes the format.
 //!
 //! All checksums are verified when the files are opened, so that a damaged file never yields a
 //! number. An incomplete frame at the end of a file, as a process leaves it that is killed or in

@@ -22,10 +22,7 @@ use crate::study::evaluate::claims::ClaimResult;
 use crate::study::evaluate::results::Results;
 use crate::study::evaluate::rows;
 use crate::study::store::FIGURES;
-use seedbed_figure::Figure;
-
-/// Number of PNG pixels per CSS pixel, along each side.
-const PNG_SCALE: f64 = 2.0;
+use seedbed_figure::{Figure, Format, PrintLayout};
 
 /// Writes `tables.md` and `claims.md` for all finished runs into `folder`.
 fn write_tables(
@@ -73,7 +70,7 @@ fn is_figure(path: &Path) -> bool {
         !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
     });
     let extension = path.extension().and_then(|extension| extension.to_str());
-    is_numbered && matches!(extension, Some("svg" | "png"))
+    is_numbered && matches!(extension, Some("svg" | "pdf" | "png"))
 }
 
 /// Writes the texts of the report for published results, which have no curves and no states:
@@ -100,7 +97,7 @@ struct ReportFigure {
 }
 
 /// Writes `report.html`, `results.csv`, `tables.md`, `claims.md` and `figures/` for all finished
-/// runs into `folder`. Returns the path of `report.html`.
+/// runs into `folder`. Files in `figures/` have the layout. Returns the path of `report.html`.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -108,20 +105,12 @@ pub fn write(
     results: &Results,
     claim_results: &[ClaimResult],
     folder: &Path,
+    layout: &PrintLayout,
 ) -> io::Result<PathBuf> {
     let figures = figures::draw(results);
     delete_outdated_files(folder)?;
     for figure in &figures {
-        let path = folder.join(FIGURES).join(&figure.name);
-        let png = figure
-            .picture
-            .png(PNG_SCALE)
-            .map_err(|error| io::Error::other(error.to_string()))?;
-        files::replace(
-            &path.with_added_extension("svg"),
-            figure.picture.svg().as_bytes(),
-        )?;
-        files::replace(&path.with_added_extension("png"), &png)?;
+        write_figure(figure, &folder.join(FIGURES), layout)?;
     }
     files::replace(&folder.join("results.csv"), &rows::csv(results)?)?;
     let tables = write_tables(results, claim_results, folder)?;
@@ -131,4 +120,23 @@ pub fn write(
         page::html(results, claim_results, &tables, &figures).as_bytes(),
     )?;
     Ok(page)
+}
+
+/// Writes a figure in each format.
+fn write_figure(figure: &ReportFigure, folder: &Path, layout: &PrintLayout) -> io::Result<()> {
+    let mut picture = figure.picture.clone();
+    layout.apply(&mut picture);
+    let formats = [
+        ("svg", Format::Svg),
+        ("pdf", Format::Pdf),
+        ("png", Format::Png),
+    ];
+    for (extension, format) in formats {
+        let bytes = layout
+            .encode(&picture, format)
+            .map_err(|error| io::Error::other(error.to_string()))?;
+        let path = folder.join(&figure.name).with_added_extension(extension);
+        files::replace(&path, &bytes)?;
+    }
+    Ok(())
 }

@@ -4,6 +4,8 @@ mod arguments;
 mod bench;
 mod check;
 mod completions;
+#[cfg(unix)]
+mod doctor;
 mod evaluate;
 mod explore;
 mod export;

@@ -88,7 +88,7 @@ fn measures_follow_from_the_files() {
     assert!(page.contains("run seeds and code cannot be checked") && page.contains(hash));
     assert_eq!(
         fs::read_dir(fixture.path("out/figures")).unwrap().count(),
-        8
+        12
     );
 }
 
@@ -417,10 +417,11 @@ fn results_are_stored_and_verified() {
     assert_eq!(fixture.rows(), rows);
 }
 
-/// The example of `docs/studies.md`, with the files that it names.
+/// The example of `docs/study_other_libraries.md`, with the files that it names.
 #[test]
 fn the_example_of_the_documentation_works() {
-    let page = fs::read_to_string(Path::new(REPOSITORY).join("docs/studies.md")).unwrap();
+    let page =
+        fs::read_to_string(Path::new(REPOSITORY).join("docs/study_other_libraries.md")).unwrap();
     let section = page
         .split("## Compare results of other libraries")
         .nth(1)

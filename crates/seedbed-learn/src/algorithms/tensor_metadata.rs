@@ -1,4 +1,4 @@
-//! What readers of the tensors of a team need to know: texts by key. `docs/recording.md` lists them.
+//! What readers of the tensors of a team need to know: texts by key. `docs/network_tensors.md` lists them.
 
 use std::collections::BTreeMap;
 

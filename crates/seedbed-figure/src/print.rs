@@ -1,0 +1,184 @@
+//! How a figure is printed: its size, the size of its letters, what is left out, and the format of its file.
+
+use super::panel_axes::LABEL_SIZE;
+use super::pixels::PIXELS_PER_INCH;
+use super::{Figure, Panel, RenderError};
+
+/// Formats of files with figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Text that browsers show and vector editors change.
+    Svg,
+    /// Pixels.
+    Png,
+    /// A page with embedded fonts.
+    Pdf,
+}
+
+/// How a figure is printed. By default it is as it was drawn, for screens. Lengths are CSS pixels, 1/96 inch.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PrintLayout {
+    /// Width of the page in print.
+    pub width: Option<f64>,
+    /// Height of the page in print; `None` fits the content.
+    pub height: Option<f64>,
+    /// Size of the letters of axis labels in print. All other lengths within the figure are scaled with it. `None` is 8 points
+    /// with a width in print, and as drawn without.
+    pub font: Option<f64>,
+    /// Whether the title of the page is left out.
+    pub without_title: bool,
+    /// Whether legends and color keys are left out.
+    pub without_legends: bool,
+    /// Range of the x axis of curves.
+    pub x_range: Option<[f64; 2]>,
+    /// Range of the y axis of curves.
+    pub y_range: Option<[f64; 2]>,
+}
+
+/// Size of letters in columns of papers: 8 points.
+const PRINT_FONT: f64 = 8.0 / 72.0 * PIXELS_PER_INCH;
+
+/// Pixels per inch of a PNG with a width in print.
+const PRINT_RESOLUTION: f64 = 300.0;
+
+/// Pixels per inch of a PNG for screens.
+const SCREEN_RESOLUTION: f64 = 2.0 * PIXELS_PER_INCH;
+
+impl PrintLayout {
+    /// Length in print of a unit of length within the figure.
+    #[must_use]
+    pub fn scale(&self) -> f64 {
+        let font = self.font.or(self.width.map(|_| PRINT_FONT));
+        font.map_or(1.0, |font| font / LABEL_SIZE)
+    }
+
+    /// Width of the page within the figure; `drawn` is its width in print unless one is set.
+    #[must_use]
+    pub fn width_within(&self, drawn: f64) -> f64 {
+        self.width.unwrap_or(drawn) / self.scale()
+    }
+
+    /// Pixels per inch of a PNG.
+    #[must_use]
+    pub fn resolution(&self) -> f64 {
+        if self.width.is_some() {
+            PRINT_RESOLUTION
+        } else {
+            SCREEN_RESOLUTION
+        }
+    }
+
+    /// Changes the size of a figure, what it leaves out, and its ranges.
+    pub fn apply(&self, figure: &mut Figure) {
+        if self.without_title {
+            figure.title.clear();
+        }
+        for row in &mut figure.rows {
+            if self.without_legends {
+                row.key = None;
+            }
+            for panel in &mut row.panels {
+                if let Panel::Curves(curves) = panel {
+                    curves.has_legend &= !self.without_legends;
+                    curves.x_range = self.x_range.or(curves.x_range);
+                    curves.y_range = self.y_range.or(curves.y_range);
+                }
+            }
+        }
+        let width = self.width_within(figure.width);
+        let height = self.height.map(|height| height / self.scale());
+        figure.resize(width, height.unwrap_or_else(|| figure.height()));
+    }
+
+    /// The bytes of a file with a figure to which the layout was applied.
+    ///
+    /// # Errors
+    /// The page is empty.
+    pub fn encode(&self, figure: &Figure, format: Format) -> Result<Vec<u8>, RenderError> {
+        match format {
+            Format::Svg => Ok(figure.svg_scaled(self.scale()).into_bytes()),
+            Format::Png => figure.png_for_print(self.scale(), self.resolution()),
+            Format::Pdf => figure.pdf(self.scale()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Curves, Key, Row, Series};
+
+    fn figure() -> Figure {
+        let series = Series {
+            name: "agent 0".to_owned(),
+            points: vec![[0.0, 1.0], [9.0, 2.0]],
+            ..Series::default()
+        };
+        let curves = Curves {
+            series: vec![series],
+            has_legend: true,
+            ..Curves::default()
+        };
+        Figure {
+            title: "Returns".to_owned(),
+            description: String::new(),
+            width: 760.0,
+            rows: vec![Row {
+                height: 200.0,
+                panels: vec![Panel::Curves(curves)],
+                key: Some(Key::Categories(vec![("team".to_owned(), [9; 3])])),
+            }],
+        }
+    }
+
+    /// Letters of 12 pixels are printed with 8 points = 10.67 pixels, so that 8.4 cm = 317.48 pixels are 357.17 within the figure, and
+    /// 992 pixels of 300 per inch.
+    #[test]
+    fn columns_of_papers_have_letters_of_eight_points() {
+        let layout = PrintLayout {
+            width: Some(8.4 / 2.54 * 96.0),
+            height: Some(96.0),
+            ..PrintLayout::default()
+        };
+        let mut figure = figure();
+        layout.apply(&mut figure);
+        assert!((figure.width - 357.165).abs() < 1e-3);
+        assert!((figure.height() - 108.0).abs() < 1e-9);
+        let svg = String::from_utf8(layout.encode(&figure, Format::Svg).unwrap()).unwrap();
+        assert!(svg.contains("width=\"317.48\" height=\"96\" viewBox=\"0 0 357.17 108\""));
+        let png = layout.encode(&figure, Format::Png).unwrap();
+        assert_eq!(
+            png[16..24],
+            [992_u32.to_be_bytes(), 300_u32.to_be_bytes()].concat()
+        );
+        assert!(
+            layout
+                .encode(&figure, Format::Pdf)
+                .unwrap()
+                .starts_with(b"%PDF-")
+        );
+    }
+
+    #[test]
+    fn titles_and_legends_are_left_out_and_ranges_set() {
+        let layout = PrintLayout {
+            without_title: true,
+            without_legends: true,
+            y_range: Some([0.0, 40.0]),
+            ..PrintLayout::default()
+        };
+        let mut figure = figure();
+        let height = figure.height();
+        layout.apply(&mut figure);
+        let svg = figure.svg();
+        for text in ["Returns", "agent 0", "team"] {
+            assert!(!svg.contains(text), "{text}");
+        }
+        assert!(svg.contains(">40</text>"));
+        assert_eq!([figure.width, figure.height()], [760.0, height - 28.0]);
+        assert_eq!(
+            layout.encode(&figure, Format::Svg).unwrap(),
+            svg.into_bytes()
+        );
+    }
+}
