@@ -187,6 +187,11 @@ fn write_examples(folder: &Path) -> Result<(), String> {
         run.display(),
         pages.join("explorer.html").display()
     ))?;
+    run_seedbed(&format!(
+        "film '{}' --out '{}'",
+        run.display(),
+        pages.join("cartpole.gif").display()
+    ))?;
     let (lab, study) = (runs.join("lab"), runs.join("team_size"));
     run_seedbed(&format!("init '{}'", lab.display()))?;
     run_seedbed(&format!(
