@@ -24,6 +24,7 @@ pub mod provenance;
 pub mod record;
 pub mod review;
 pub mod run;
+pub mod run_log;
 pub mod salvage;
 pub mod scenario;
 pub mod storage;

@@ -26,6 +26,45 @@ pub fn axis(quantity: &Quantity) -> Axis {
     }
 }
 
+/// The two quantities in which a map is drawn: the coordinates x and y if there are such, otherwise the first two that are no
+/// velocities. `None` if there are fewer than two.
+#[must_use]
+pub fn map_axes(quantities: &[&Quantity]) -> Option<[usize; 2]> {
+    if let Some(coordinates) = coordinates(quantities) {
+        return Some(coordinates);
+    }
+    let is_velocity = |index: &usize| quantities[*index].unit.ends_with("/s");
+    let (velocities, mut others): (Vec<usize>, Vec<usize>) =
+        (0..quantities.len()).partition(is_velocity);
+    others.extend(velocities);
+    let [first, second, ..] = others[..] else {
+        return None;
+    };
+    Some([first.min(second), first.max(second)])
+}
+
+/// The coordinates x and y in the world, if both are among the quantities.
+#[must_use]
+pub fn coordinates(quantities: &[&Quantity]) -> Option<[usize; 2]> {
+    let place = |name: &str| {
+        quantities
+            .iter()
+            .position(|quantity| is_coordinate(&quantity.name, &quantity.unit, name))
+    };
+    Some([place("x")?, place("y")?])
+}
+
+/// Whether the first axis is the coordinate x and the second one y, so that walls can be drawn behind states.
+#[must_use]
+pub fn are_coordinates([x, y]: [&Axis; 2]) -> bool {
+    is_coordinate(&x.name, &x.unit, "x") && is_coordinate(&y.name, &y.unit, "y")
+}
+
+/// Whether a quantity is the coordinate of this name in the world.
+fn is_coordinate(name: &str, unit: &str, coordinate: &str) -> bool {
+    name == coordinate && unit == "m"
+}
+
 /// Mean of each value and of the values before it, of at most `window` values: `[n]` → `[n]`
 ///
 /// The window grows at the beginning, so that the first values are not lost.
@@ -39,6 +78,35 @@ pub fn trailing_means(values: &[f64], window: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn maps_have_places_rather_than_velocities() {
+        let quantity = |(name, unit): (&str, &str)| Quantity {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            range: [0.0, 1.0],
+        };
+        let axes = |names: &[(&str, &str)]| {
+            let quantities: Vec<Quantity> = names.iter().copied().map(quantity).collect();
+            map_axes(&quantities.iter().collect::<Vec<_>>())
+        };
+        let cart = [
+            ("x", "m"),
+            ("v", "m/s"),
+            ("angle", "rad"),
+            ("turning", "rad/s"),
+        ];
+        assert_eq!(axes(&cart), Some([0, 2]));
+        assert_eq!(
+            axes(&[("v", "m/s"), ("y", "m"), ("a", ""), ("x", "m")]),
+            Some([3, 1])
+        );
+        assert_eq!(
+            axes(&[("angle", "rad"), ("turning", "rad/s")]),
+            Some([0, 1])
+        );
+        assert_eq!(axes(&[("x", "m")]), None);
+    }
 
     #[test]
     fn windows_of_trailing_means_grow_at_the_beginning() {

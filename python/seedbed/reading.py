@@ -83,6 +83,8 @@ def load(path: str | os.PathLike[str], *, frames: Frames | None = None) -> Run:
     if not given.exists():
         raise FileNotFoundError(f"there is no file or folder {given}")
     if not given.is_dir():
+        if given.suffix not in (".rrd", ".part", ".states"):
+            raise RunError(given, "no recording; expected the folder of a run, or a file that ends in .rrd")
         is_in_run = given.name in exports.RECORDINGS and (given.parent / SCENARIO).is_file()
         return Run(given.parent if is_in_run else given, frames=frames)
     return Run(_run_folder(given), frames=frames)
@@ -117,6 +119,14 @@ def runs(folder: str | os.PathLike[str] = "recordings", *, frames: Frames | None
 def _quantity(name: str) -> str:
     """A quantity as on axes, of which a column may have the name."""
     return "intrinsic reward" if name == "intrinsic_reward" else name
+
+
+def _length(option: str, length: object) -> str:
+    """The value of an option that is a length."""
+    if not isinstance(length, str):
+        name, unit = option.removeprefix("--"), "pt" if option == "--font" else "cm"
+        raise TypeError(f'{name} is {length!r}, expected a text with a unit, such as {name}="{length}{unit}"')
+    return length
 
 
 def _range(ends: tuple[float | None, float | None] | float) -> str:
@@ -325,6 +335,9 @@ class Run:
         axes: Sequence[str] | None = None,
         color: Color | None = None,
         lines: int | None = None,
+        over: Literal["episodes", "env-steps"] = "episodes",
+        theme: Literal["paper", "talk", "dark"] = "paper",
+        log: Literal["x", "y", "x,y"] | None = None,
         size: tuple[int, int] | None = None,
         width: str | None = None,
         height: str | None = None,
@@ -335,7 +348,8 @@ class Run:
         """Draw visited states and returns (`seedbed plot`). Notebooks show the figure.
 
         Args:
-            what: Parts, one below the other; by default visitation, difference, density and returns.
+            what: Parts, one below the other; by default a scatter plot of two axes, visitation, difference,
+                density and returns.
             beside: Runs that are drawn beside this one.
             path: The figure, an SVG, PDF or PNG; by default `plot.svg` in the folder of the run.
             agents: Numbers of the agents that are drawn, or one.
@@ -345,6 +359,9 @@ class Run:
             axes: Names of the axes, in their order.
             color: Quantity by which states are colored.
             lines: Maximum number of states that a panel draws one by one; by default 1000.
+            over: What returns and curves are drawn over.
+            theme: Colors and size of letters.
+            log: Logarithmic axes of returns and curves; values of 0 and below are left out.
             size: Width and height in CSS pixels.
             width: Width in print with its unit, such as "8.4cm"; instead of `size`.
             height: Height in print with its unit; by default it fits the content.
@@ -374,8 +391,9 @@ class Run:
         options += [] if color is None else ["--color", color]
         options += [] if lines is None else ["--lines", str(lines)]
         options += [] if size is None else ["--size", f"{size[0]}x{size[1]}"]
+        options += ["--over", over, "--theme", theme] + ([] if log is None else ["--log", log])
         for option, length in (("--width", width), ("--height", height), ("--font", font)):
-            options += [] if length is None else [option, length]
+            options += [] if length is None else [option, _length(option, length)]
         options += [] if title else ["--no-title"]
         options += [] if legend else ["--no-legend"]
         programs.call("plot", self.path, *(run.path for run in beside), "--out", out, *options)

@@ -175,10 +175,10 @@ def train(
         scenario: A scenario, by name or path: its environment, algorithm and other settings are the defaults of this call. With
             `"ppo"`, `"sac"` or `"dqn"`, an environment is learned with the settings that are usual for these.
         algorithm: Name of an algorithm, or its settings: `"SeedPg"`, `"SeedPg(discount: 0.9)"` or `{"SeedPg": {"discount": 0.9}}`.
-            By default that of the scenario, or `SeedPg`. It replaces all settings of the scenario's algorithm; `set` replaces
+            By default that of the scenario, or `SeedPg` with the settings of `seedbed new scenario`. It replaces all settings of the scenario's algorithm; `set` replaces
             some: `{"algorithm.bonus": "Rnd()"}`.
-        agents: Number of agents K; by default that of the scenario, or 4. By default each adds small fixed numbers, its seed, to
-            rewards; where rewards are rare, `set={"agents.seeds": "Normal(sigma: 0)"}` leaves them as they are.
+        agents: Number of agents K; by default that of the scenario, or 4. Without a scenario, agents differ by their initial networks
+            only; with `set={"agents.seeds": "Normal(sigma: 0.1)"}`, each also adds small fixed numbers to rewards.
         seed: Run seed, from which all random numbers are derived; by default 0.
         set: Values that are replaced, as by `--set`: `["stop=Episodes(300)"]`, or a map such as
             `{"agents.count": 16, "stop": "Episodes(300)"}`, whose texts are written as they are.
@@ -282,14 +282,21 @@ def task_text(environment: Environment, folder: Path, resumed: Path | None = Non
     return task.text(folder, None if resumed is None else resumed / "envs" / f"{task.name}.py")
 
 
+START = """agents: (count: 4, seeds: Normal(sigma: 0)), algorithm: SeedPg(
+    value_target: VTrace(lambda: 0.98), advantage: Retrace(lambda: 0.98), time_limit: Bootstraps,
+    standardize: PerMinibatch, observations: Running, epochs: 4, minibatch: Steps(64),
+)"""
+"""The settings of `seedbed new scenario`, which learn more than the defaults of scenarios, which are those of the thesis."""
+
+
 def _scenario_of(
     environment: Environment, name: str, scenario: str | os.PathLike[str] | None, folder: Path, resumed: Path | None
 ) -> _Scenario:
-    """A scenario with nothing but its environment, or one in another environment."""
+    """A scenario as `seedbed new scenario` writes it, without `stop`, or one in another environment."""
     path, text = folder / f"{name}.ron", task_text(environment, folder, resumed)
     python_path = python_path_of(environment)
     if scenario is None:
-        path.write_text(f"Scenario(environment: {text})\n", encoding="utf-8")
+        path.write_text(f"Scenario(environment: {text}, {START})\n", encoding="utf-8")
         return _Scenario(str(path), written=path, python_path=python_path)
     return _Scenario(os.fspath(scenario), ("--set", f"environment={text}"), path, python_path)
 

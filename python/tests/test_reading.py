@@ -468,3 +468,8 @@ def test_the_command_of_the_program(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     monkeypatch.setenv("SEEDBED_PROGRAM", str(failing))
     with pytest.raises(seedbed.RunError, match="`seedbed runs` ended with exit status 3"):
         seedbed.runs(tmp_path)
+
+
+def test_lengths_of_figures_have_a_unit(cartpole_run: Path):
+    with pytest.raises(TypeError, match='width is 8.4, expected a text with a unit, such as width="8.4cm"'):
+        seedbed.load(cartpole_run).plot(width=8.4)  # type: ignore[arg-type]

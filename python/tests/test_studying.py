@@ -64,7 +64,7 @@ def test_results_are_frames_and_the_report(capsys: pytest.CaptureFixture[str]):
     assert found.claims.startswith("| claim |") and "Wider." in repr(found.claims)
     assert "Wider." in found._repr_markdown_() and "coverage" in found.tables.lower()
     assert found.report.name == "report.html" and found.report._repr_html_().startswith("<iframe srcdoc=")
-    assert list(found.figures) == ["1-curves", "2-visitation"]
+    assert list(found.figures) == ["1-curves", "2-visitation", "claims"]
     assert found.figures["1-curves"]._repr_mimebundle_()["image/svg+xml"].startswith("<svg")
     with pytest.raises(seedbed.RunError, match="no finished study"):
         seedbed.Study("nowhere")

@@ -56,11 +56,18 @@ class TestRuns:
         run = seedbed.train("cartpole", algorithm="SeedPg", agents=3, seed=4, set=SHORT)
         assert run.path == Path("recordings/cartpole/seed-4").absolute()
         Path("mine.ron").write_text(
-            'Scenario(environment: "cartpole", agents: (count: 3), algorithm: SeedPg(value_data: Shared), stop: Episodes(5))'
+            'Scenario(environment: "cartpole", agents: (count: 3, seeds: Normal(sigma: 0)), '
+            "algorithm: SeedPg(value_data: Shared), stop: Episodes(5))"
         )
         program("run", "mine.ron", "--seed", 4, "--out", "mine", "--threads", 1)
         assert bits(run.path) == bits(Path("mine"))
         assert (run.name, run.state, run.agents) == ("cartpole, run seed 4", "finished", 3)
+
+    def test_the_settings_are_those_of_a_new_scenario(self):
+        run = seedbed.train("cartpole", set=["stop=Episodes(5)"])
+        program("new", "scenario", "mine", "--env", "cartpole")
+        program("run", "mine", "--set", "stop=Episodes(5)", "--out", "mine")
+        assert bits(run.path) == bits(Path("mine"))
 
     def test_a_scenario_and_settings_as_a_map(self):
         changes = {"agents.count": 2, "stop": "Episodes(3)", "algorithm.discount": 0.9, "recording.scene": None}
@@ -327,7 +334,7 @@ def limited(environment: Any, **settings: Any) -> seedbed.Gymnasium:
 class TestEnvironments:
     def test_environments_of_gymnasium(self):
         task = seedbed.Gymnasium("CartPole-v1", names=["x", "v", "angle", "turning"], ranges={"v": (-3, 3), "turning": (-3, 3)})
-        run = seedbed.train(task, agents=2, set=["stop=Episodes(3)"])
+        run = seedbed.train(task, algorithm="SeedPg", agents=2, set=["stop=Episodes(3)", "agents.seeds=Normal(sigma: 0.1)"])
         assert run.path == Path("recordings/CartPole-v1/seed-0").absolute()
         assert {"x", "turning"} < set(run.states.columns)
         program("run", "cartpole_team", "--set", f"environment={task}", "--set=agents=(count: 2)", "--set=algorithm=SeedPg()",

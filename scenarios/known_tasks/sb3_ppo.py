@@ -42,7 +42,8 @@ def train(task: str, seed: int, shorter: int, out: Path) -> str:
 
     torch.set_num_threads(1)
     torch.distributions.Distribution.set_default_validate_args(False)  # checks of parameters, a tenth of the time
-    file, unfinished = (folder / f"{seed}.monitor.csv" for folder in (out / task, out / task / "unfinished"))
+    file = out / task / f"{seed}.monitor.csv"
+    unfinished = out / task / "unfinished" / f"{seed}-{os.getpid()}.monitor.csv"  # another process may make the same run
     if file.is_file():
         return f"{task} {seed}: there already"
     unfinished.parent.mkdir(parents=True, exist_ok=True)

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{CommandFactory, Parser};
+use clap::{CommandFactory, FromArgMatches};
 
-use super::Cli;
 use super::study::translated;
+use super::{Cli, groups};
 use seedbed::input_files::{self, Directory};
 use seedbed::scenario::Scenario;
 use seedbed::scenario::overrides;
@@ -32,12 +32,11 @@ pub(super) fn parse() -> Cli {
         .skip(1)
         .map(|argument| argument.to_string_lossy().into_owned())
         .collect();
-    let parsed =
-        Cli::try_parse_from(&given).and_then(|cli| match value_without_equals(&arguments) {
-            // A command that takes several files has taken the value for one of them.
-            Some((_, value)) => Err(unexpected_argument(value)),
-            None => Ok(cli),
-        });
+    let parsed = parse_given(&given).and_then(|cli| match value_without_equals(&arguments) {
+        // A command that takes several files has taken the value for one of them.
+        Some((_, value)) => Err(unexpected_argument(value)),
+        None => Ok(cli),
+    });
     parsed.unwrap_or_else(|mut error| {
         if let Some(tip) = tip(&error, &arguments) {
             error.remove(ContextKind::SuggestedArg);
@@ -46,6 +45,12 @@ pub(super) fn parse() -> Cli {
         }
         error.exit()
     })
+}
+
+fn parse_given(given: &[OsString]) -> Result<Cli, clap::Error> {
+    let mut command = groups::command();
+    let matches = command.try_get_matches_from_mut(given)?;
+    Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
 }
 
 fn unexpected_argument(argument: &str) -> clap::Error {

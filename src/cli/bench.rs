@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::memory;
-use super::{BenchArgs, CliError, former_names, pluralize};
+use super::{BenchArgs, CliError, former_names, pluralize, project_log};
 use seedbed::experiment::{self, Experiment};
 use seedbed::input_files::{self, Directory};
 use seedbed::run::thread_count;
@@ -88,7 +88,8 @@ fn run_all(
     printer.print_header(report.columns());
     let run_seeds = args.first_seed..args.first_seed.saturating_add(args.seeds);
     let mut benches = Vec::with_capacity(experiments.len());
-    for experiment in experiments {
+    for (experiment, file) in experiments.iter().zip(&args.scenarios) {
+        project_log::add_runs(file, &**experiment, run_seeds.clone());
         let bench = Bench::run(&**experiment, run_seeds.clone(), args.whole, &pool)?;
         printer.print_row(report.columns(), &bench.name, &report.table_row(&bench));
         benches.push(bench);

@@ -2,8 +2,8 @@
 //! interruption, and messages about runs.
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, Once};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -11,12 +11,14 @@ use clap::Args;
 use super::interruption::StopRequests;
 use super::progress::StudyProgress;
 use super::study_curves::StudyCurves;
-use super::{CliError, pluralize, warning_without_locks};
+use super::{CliError, pluralize, project_log, warning_without_locks};
 use seedbed::experiment::checkpoint::{CheckpointEvent, RunCheckpoints};
 use seedbed::experiment::{MeasuredRound, OnRound, RunControl};
 use seedbed::run::thread_count;
+use seedbed::run_log::RunLog;
 use seedbed::storage::file_lock::FileLock;
 use seedbed::study::design::cell::PlannedRun;
+use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::execute::runner;
 use seedbed::study::store::{StoredRun, StudyFolder};
 
@@ -86,19 +88,21 @@ pub(super) fn execute_runs(
     args: &ExecutionArgs,
     runs: &[PlannedRun<'_>],
     folder: &StudyFolder,
-    study_name: &str,
+    study: &StudyPlan,
 ) -> Result<Vec<String>, CliError> {
     let stop_requests = StopRequests::listen(
         "stopping; finished runs are kept, and the same command resumes the study",
     );
     let stop = stop_requests.flag();
-    let progress = Mutex::new(StudyProgress::new(study_name, runs));
+    let progress = Mutex::new(StudyProgress::new(&study.name, runs));
     let failures = Mutex::new(Vec::new());
     let finished_runs = AtomicUsize::new(0);
     let curves = args
         .tensorboard
         .as_ref()
         .map(|folder| StudyCurves::new(folder, runs));
+    let log = RunLog::of_file(&study.path);
+    let warning_of_log = Once::new();
     let report_finished = |finished: &runner::FinishedRun<'_>| {
         if let Some(curves) = &curves {
             curves.end(finished.run);
@@ -112,6 +116,12 @@ pub(super) fn execute_runs(
                 .lock()
                 .expect(LOCK_IS_INTACT)
                 .push(describe_run(finished.run, reason));
+        }
+        if finished.run.name.is_none() {
+            let added = log.add_run(&project_log::run_of_study(finished.run));
+            if added.is_err() {
+                warning_of_log.call_once(|| project_log::warn_if_failed(added));
+            }
         }
         if Some(finished_runs.fetch_add(1, Ordering::Relaxed) + 1) == args.abort_after_runs {
             std::process::abort();
@@ -144,7 +154,7 @@ pub(super) fn execute_runs(
     drop(progress);
     result.map_err(|error| CliError::Runtime(format!("cannot write {error}")))?;
     if stop.load(Ordering::Relaxed) {
-        return Err(interruption_error(study_name));
+        return Err(interruption_error(&study.name));
     }
     let mut failures = failures.into_inner().expect(LOCK_IS_INTACT);
     failures.sort();

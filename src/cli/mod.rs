@@ -29,6 +29,7 @@ mod export;
 mod film;
 mod floor;
 mod former_names;
+mod groups;
 mod inspect;
 mod interruption;
 mod list;
@@ -38,6 +39,7 @@ mod plot;
 mod preview;
 mod print;
 mod progress;
+mod project_log;
 mod ranks;
 mod replay;
 mod report;
@@ -195,7 +197,7 @@ What is missing is needed for some commands only; each line says for which, and 
     Inspect(inspect::InspectArgs),
     /// Write visited states, episodes or rounds as CSV, Parquet or NumPy arrays, or for TensorBoard
     Export(export::ExportArgs),
-    /// Film a run: moving bodies, visited states and returns, as an animated GIF
+    /// Film a run: moving bodies, visited states and returns, as GIF, PNG or MP4
     Film(film::FilmArgs),
     /// Draw visited states and returns of one or more runs as SVG, PDF or PNG
     Plot(plot::PlotArgs),
@@ -437,7 +439,7 @@ struct ReportArgs {
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
     /// Write the scores of all runs, small enough for a repository, to a directory in DIR
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["width", "height", "font", "no_title", "no_legend", "x_range", "y_range"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["theme", "width", "height", "font", "no_title", "no_legend", "x_range", "y_range", "log"])]
     publish: Option<PathBuf>,
     #[command(flatten, next_help_heading = "Figures for papers (files in figures/)")]
     print: print::PrintArgs,
@@ -593,9 +595,21 @@ impl From<LoadRunError> for CliError {
 
 /// Opens a run, and prints what is incomplete in its files.
 fn open_run(path: &Path) -> Result<LoadedRun, CliError> {
-    let run = LoadedRun::open(path)?;
+    let run = LoadedRun::open(path).map_err(with_place_of_run)?;
     print_warnings(&run);
     Ok(run)
+}
+
+/// Names the directory that is meant if a run is called by its name alone.
+fn with_place_of_run(error: LoadRunError) -> CliError {
+    let LoadRunError::Missing(path) = &error else {
+        return error.into();
+    };
+    let place = Path::new("recordings").join(path);
+    if path.is_relative() && place.is_dir() {
+        return CliError::Usage(format!("{error}; did you mean `{}`?", place.display()));
+    }
+    error.into()
 }
 
 /// Prints what is incomplete in the files of a run.

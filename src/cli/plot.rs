@@ -10,7 +10,7 @@ use super::print::PrintArgs;
 use super::progress::ReadCounter;
 use super::{CliError, open_run, pluralize};
 use seedbed::figures::{
-    DEFAULT_WIDTH, FigureError, FigureSettings, Part, RunFigure, distributions,
+    DEFAULT_WIDTH, FigureError, FigureSettings, Over, Part, RunFigure, distributions,
 };
 use seedbed::run::folder::run_folder;
 use seedbed::scenario::recording;
@@ -29,11 +29,12 @@ use seedbed_figure::{Figure, Format, Panel, PrintLayout};
   seedbed plot recordings/cartpole/seed-0 --what scatter,returns --size 900x700 --out figure.svg
   seedbed plot recordings/cartpole/seed-0 --what returns --width 8.4cm --height 5cm --font 8pt --no-title --out returns.pdf
                                                     for a column of a paper, with embedded fonts
+  seedbed plot recordings/cartpole/seed-0 --what returns --over env-steps --log x --theme talk --out talk.png
   seedbed plot --distributions --out examples.svg   how parallel coordinates show seven distributions
   seedbed plot --distributions ring,parabola --out two.png
 
 If every panel has at most --lines states, each state is drawn as a line. Otherwise all panels show densities \
-on a common scale: the number of states per pixel or, with several panels, the share of the states of the \
+on a common scale: the number of states per bin or, with several panels, the share of the states of the \
 panel. Use --color to always draw single states, and --lines 0 to always draw densities.")]
 pub(super) struct PlotArgs {
     /// Run directories or recordings; several are drawn side by side
@@ -43,37 +44,60 @@ pub(super) struct PlotArgs {
     /// with several runs, plot.svg in the current directory]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Draw these parts, one below the other; separate with commas [default:
-    /// visitation,difference,density,returns]
+    /// Draw these parts, one below the other; separate with commas [default: scatter of two axes,
+    /// visitation, difference, density, returns; without a recording returns and curves]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PART,PART…")]
     what: Vec<PlotPart>,
     /// Draw only these agents, e.g. 0,3 [default: the first 8, one panel each; with several runs,
     /// all agents in one panel per run]
-    #[arg(long, value_delimiter = ',', value_name = "N,N…")]
+    #[arg(
+        help_heading = "Which states, and how",
+        long,
+        value_delimiter = ',',
+        value_name = "N,N…"
+    )]
     agents: Vec<u32>,
     /// Draw only states of these episodes of each agent, B excluded, e.g. 0..50, 150.. or ..50
     /// [default: all]
-    #[arg(long, value_name = "A..B", value_parser = parse_episodes)]
+    #[arg(help_heading = "Which states, and how", long, value_name = "A..B", value_parser = parse_episodes)]
     episodes: Option<Range<u32>>,
     /// Draw only states in this range of an observation, an action, reward, step, return or another
     /// quantity, e.g. theta=-0.1..0.2 or return=150..; can be repeated. If several have a name, write
     /// its kind as well, e.g. action:x=0..
-    #[arg(long = "where", value_name = "NAME=LOW..HIGH")]
+    #[arg(
+        help_heading = "Which states, and how",
+        long = "where",
+        value_name = "NAME=LOW..HIGH"
+    )]
     conditions: Vec<String>,
     /// Draw only these axes, in this order, e.g. theta,x [default: all]
-    #[arg(long, value_delimiter = ',', value_name = "NAME,NAME…")]
+    #[arg(
+        help_heading = "Which states, and how",
+        long,
+        value_delimiter = ',',
+        value_name = "NAME,NAME…"
+    )]
     axes: Vec<String>,
     /// Color states by this quantity; states are then drawn one by one
-    #[arg(long = "color", alias = "colour", value_enum, value_name = "QUANTITY")]
+    #[arg(
+        help_heading = "Which states, and how",
+        long = "color",
+        alias = "colour",
+        value_enum,
+        value_name = "QUANTITY"
+    )]
     color_by: Option<ColorBy>,
+    /// Draw returns and curves over this quantity
+    #[arg(long, value_enum, value_name = "QUANTITY", default_value = "episodes")]
+    over: PlotOver,
     /// Maximum number of states that a panel draws one by one
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(0..=100_000))]
+    #[arg(help_heading = "Which states, and how", long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(0..=100_000))]
     lines: u32,
     /// Page size in CSS pixels, e.g. 760x900; a PNG is rendered at 2× [default: 760 wide, height
     /// fits the content]
     #[arg(long, value_name = "WxH", value_parser = parse_size, conflicts_with_all = ["width", "height", "font"])]
     size: Option<[f64; 2]>,
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "For papers and talks")]
     print: PrintArgs,
     /// Instead of runs, draw 80 points of these example distributions, each as parallel coordinates
     /// and as a scatter plot [default: all]
@@ -83,7 +107,7 @@ pub(super) struct PlotArgs {
         num_args = 0..,
         value_delimiter = ',',
         value_name = "NAME,NAME…",
-        conflicts_with_all = ["runs", "what", "agents", "episodes", "conditions", "axes", "color_by", "lines"]
+        conflicts_with_all = ["runs", "what", "agents", "episodes", "conditions", "axes", "color_by", "lines", "over"]
     )]
     distributions: Option<Vec<Distribution>>,
 }
@@ -102,7 +126,8 @@ enum PlotPart {
     Returns,
     /// Columns of rounds.csv: coverage, entropy, losses and others
     Curves,
-    /// Visited states in the plane of each pair of axes
+    /// Visited states in the plane of each pair of axes, or of neighboring axes if there are more than five; with two --axes,
+    /// one panel per agent
     Scatter,
     /// All of the above
     All,
@@ -121,6 +146,15 @@ enum ColorBy {
     Outcome,
     /// The intrinsic reward of the action taken in the state
     IntrinsicReward,
+}
+
+/// What returns and curves are drawn over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PlotOver {
+    /// Episodes of each agent, and rounds
+    Episodes,
+    /// Environment steps of the whole team
+    EnvSteps,
 }
 
 /// An example distribution of two quantities.
@@ -145,21 +179,23 @@ enum Distribution {
 pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.runs));
     let format = format_of(&out)?;
+    let layout = args.print.layout()?;
     let mut figure = if let Some(names) = &args.distributions {
         let chosen: Vec<_> = names.iter().map(|&name| name.into()).collect();
         distributions::figure(&chosen)
     } else {
-        figure_of_runs(args)?
+        figure_of_runs(args, &layout)?
     };
     if panel_count(&figure) == 0 {
         let message = "nothing is drawn: these runs have nothing for the chosen panels";
         return Err(CliError::Usage(message.to_owned()));
     }
-    let layout = args.print.layout();
-    layout.apply(&mut figure);
+    let drawn = figure.width * layout.scale();
+    layout.apply(&mut figure, drawn);
     if let Some([width, height]) = args.size {
         figure.resize(width, height);
     }
+    check_height(&figure)?;
     let bytes = layout
         .encode(&figure, format)
         .map_err(|error| CliError::Usage(error.to_string()))?;
@@ -169,6 +205,24 @@ pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
     let size = size_text(&figure, &layout, format);
     say!("{}: {size}", out.display());
     Ok(())
+}
+
+/// Refuses a page on which panels would have no room.
+fn check_height(figure: &Figure) -> Result<(), CliError> {
+    const MIN_ROW_HEIGHT: f64 = 70.0;
+    let lowest = figure
+        .rows
+        .iter()
+        .map(|row| row.height)
+        .fold(f64::INFINITY, f64::min);
+    if lowest >= MIN_ROW_HEIGHT {
+        return Ok(());
+    }
+    let rows = pluralize(figure.rows.len(), "row");
+    let message = format!(
+        "the page is too low for {rows} of panels; choose a larger height, or fewer parts with --what, e.g. --what returns"
+    );
+    Err(CliError::Usage(message))
 }
 
 /// What the command prints about the figure.
@@ -215,11 +269,11 @@ fn format_of(out: &Path) -> Result<Format, CliError> {
 }
 
 /// Reads and draws the runs.
-fn figure_of_runs(args: &PlotArgs) -> Result<Figure, CliError> {
+fn figure_of_runs(args: &PlotArgs, layout: &PrintLayout) -> Result<Figure, CliError> {
     let opened = args.runs.iter().map(|path| open_run(path));
     let opened = opened.collect::<Result<Vec<_>, _>>()?;
     let counter = ReadCounter::new("episodes read");
-    let figure = RunFigure::read(args.settings(), opened, &mut || counter.count());
+    let figure = RunFigure::read(args.settings(layout), opened, &mut || counter.count());
     let drawn = figure.and_then(|figure| figure.draw());
     let (figure, notes) = drawn.map_err(usage_error)?;
     for text in notes {
@@ -256,7 +310,7 @@ fn usage_error(error: FigureError) -> CliError {
 }
 
 impl PlotArgs {
-    fn settings(&self) -> FigureSettings {
+    fn settings(&self, layout: &PrintLayout) -> FigureSettings {
         FigureSettings {
             parts: self.what.iter().map(|&part| part.into()).collect(),
             agents: self.agents.clone(),
@@ -264,8 +318,18 @@ impl PlotArgs {
             conditions: self.conditions.clone(),
             axes: self.axes.clone(),
             color_by: self.color_by.map(Into::into),
+            over: match self.over {
+                PlotOver::Episodes => Over::Episodes,
+                PlotOver::EnvSteps => Over::EnvSteps,
+            },
             max_lines: self.lines,
-            width: self.print.layout().width_within(DEFAULT_WIDTH),
+            width: self
+                .size
+                .map_or(layout.width_within(DEFAULT_WIDTH), |[width, _]| width),
+            height: self
+                .size
+                .map(|[_, height]| height)
+                .or(layout.height.map(|height| height / layout.scale())),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::replay::check_suffix;
 use super::run::recorder_factory_at;
 use super::{CliError, PreviewArgs, film, former_names, pluralize};
 use seedbed::film::{Film, FilmSettings, Filmed, FilmedTask, SeedsOfEpisodes};
@@ -31,6 +32,7 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
         .out
         .clone()
         .unwrap_or_else(|| default_path(&description.spec().name));
+    check_suffix(&path)?;
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(|error| {
             CliError::Runtime(format!("cannot create {}: {error}", folder.display()))
@@ -96,7 +98,7 @@ fn write_film(
     let duration = f64::from(max_length) * spec.control_step * rows.len() as f64;
     let settings = FilmSettings {
         agent: 0,
-        seconds: duration.clamp(1.0, MAX_SECONDS),
+        seconds: Some(duration.clamp(1.0, MAX_SECONDS)),
         frames_per_second: 12,
         width: 760,
         scenes: rows.len(),
@@ -111,7 +113,7 @@ fn write_film(
     };
     let film = Film::new(filmed, settings, &mut || ())?;
     film::warn(&film);
-    film::write(&film, settings, out)
+    film::write(&film, settings.frames_per_second, out)
 }
 
 fn default_path(name: &str) -> PathBuf {

@@ -1,19 +1,23 @@
 //! Options of commands that draw figures for papers.
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
-use seedbed_figure::PrintLayout;
+use super::CliError;
+use seedbed_figure::{PrintLayout, Theme};
 
 /// How a figure is printed in a paper.
 #[derive(Debug, Args)]
 pub(super) struct PrintArgs {
+    /// Colors and size of letters
+    #[arg(long, value_enum, value_name = "THEME", default_value = "paper")]
+    theme: PrintTheme,
     /// Width in print, e.g. 8.4cm, 84mm, 3.3in, 238pt or 320px; a PNG is rendered with 300 pixels per inch [default: 760px]
-    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
+    #[arg(long, value_name = "LENGTH", value_parser = parse_side)]
     width: Option<f64>,
     /// Height in print, in the same units [default: fits the content]
-    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
+    #[arg(long, value_name = "LENGTH", value_parser = parse_side)]
     height: Option<f64>,
-    /// Size of the letters of axis labels in print; lines and ticks are scaled with it [default: 8pt with --width, else 12px]
+    /// Size of the letters of axis labels in print; lines and ticks are scaled with it [default: 8pt with --width, else 12px; in talks one and a half times as much]
     #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
     font: Option<f64>,
     /// Leave out the title of the page
@@ -28,11 +32,50 @@ pub(super) struct PrintArgs {
     /// Range of the y axis of returns and curves
     #[arg(long, value_name = "A..B", value_parser = parse_range, allow_hyphen_values = true)]
     y_range: Option<[f64; 2]>,
+    /// Logarithmic axes of returns and curves: x, y or x,y. Values of 0 and below are left out
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "AXIS,AXIS")]
+    log: Vec<LogAxis>,
+}
+
+/// Colors and size of letters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PrintTheme {
+    /// White page, letters of 12px, or 8pt with --width
+    Paper,
+    /// White page, letters one and a half times as large
+    Talk,
+    /// Dark page
+    Dark,
+}
+
+/// An axis that is logarithmic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum LogAxis {
+    /// The horizontal axis
+    X,
+    /// The vertical axis
+    Y,
 }
 
 impl PrintArgs {
-    pub(super) fn layout(&self) -> PrintLayout {
-        PrintLayout {
+    /// The layout of a figure; an error if a logarithmic axis shall begin at 0 or below.
+    pub(super) fn layout(&self) -> Result<PrintLayout, CliError> {
+        let logarithmic = [LogAxis::X, LogAxis::Y].map(|axis| self.log.contains(&axis));
+        let ranges = [("x", self.x_range), ("y", self.y_range)];
+        for ((axis, range), is_logarithmic) in ranges.into_iter().zip(logarithmic) {
+            if is_logarithmic && range.is_some_and(|[low, _]| low <= 0.0) {
+                return Err(CliError::Usage(format!(
+                    "--{axis}-range with --log {axis}: expected a range above 0"
+                )));
+            }
+        }
+        Ok(PrintLayout {
+            theme: match self.theme {
+                PrintTheme::Paper => Theme::Paper,
+                PrintTheme::Talk => Theme::Talk,
+                PrintTheme::Dark => Theme::Dark,
+            },
+            logarithmic,
             width: self.width,
             height: self.height,
             font: self.font,
@@ -40,7 +83,7 @@ impl PrintArgs {
             without_legends: self.no_legend,
             x_range: self.x_range,
             y_range: self.y_range,
-        }
+        })
     }
 }
 
@@ -63,6 +106,15 @@ fn parse_length(text: &str) -> Result<f64, String> {
             "expected a number with cm, mm, in, pt or px, e.g. 8.4cm, from 4px to 10000px"
                 .to_owned()
         })
+}
+
+/// Parses a length of a page, e.g. `8.4cm`, to CSS pixels.
+fn parse_side(text: &str) -> Result<f64, String> {
+    let length = parse_length(text)?;
+    if length < 72.0 {
+        return Err("expected at least 72px = 1.9cm = 54pt".to_owned());
+    }
+    Ok(length)
 }
 
 /// Parses a range of an axis, e.g. `-1..1`.
@@ -92,6 +144,7 @@ mod tests {
                     .starts_with("expected a number with cm")
             );
         }
+        assert!(parse_side("8pt").is_err() && parse_side("2cm").is_ok());
         assert_eq!(parse_range("-1..2.5"), Ok([-1.0, 2.5]));
         for wrong in ["1..1", "..5", "2..1", "a..b", "0..inf"] {
             assert!(parse_range(wrong).is_err(), "{wrong}");

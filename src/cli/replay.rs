@@ -1,6 +1,6 @@
 //! `seedbed replay`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::evaluate::{EpisodeResult, describe_actions, evaluation_settings, print_table};
 use super::progress::episode_bar;
@@ -53,9 +53,21 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
     Ok(())
 }
 
+/// Refuses a recording under the name of another kind of file, such as a film.
+pub(super) fn check_suffix(path: &Path) -> Result<(), CliError> {
+    if path.extension().is_some_and(|extension| extension == "rrd") {
+        return Ok(());
+    }
+    let path = path.display();
+    let message =
+        format!("--out {path}: expected a file that ends in .rrd; `seedbed film` writes films");
+    Err(CliError::Usage(message))
+}
+
 /// Path of the replay; an error if it is the recording of the training.
 fn output_path(args: &ReplayArgs, folder: &RunFolder) -> Result<PathBuf, CliError> {
     let path = args.out.clone().unwrap_or_else(|| folder.replay_file());
+    check_suffix(&path)?;
     let canonical = |path: PathBuf| path.canonicalize().ok();
     if canonical(path.clone()).is_some_and(|path| Some(path) == canonical(folder.recording_file()))
     {

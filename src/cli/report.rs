@@ -17,7 +17,7 @@ use seedbed_figure::PrintLayout;
 use seedbed_stats::Verdict;
 
 pub(super) fn report(args: &ReportArgs) -> Result<(), CliError> {
-    let layout = &args.print.layout();
+    let layout = &args.print.layout()?;
     for folder in &args.folders {
         let folder = StudyFolder::new(folder);
         match &args.publish {
@@ -184,6 +184,8 @@ fn no_study(folder: &StudyFolder) -> String {
     studies.extend(studies_in(path));
     let reason = if path.is_dir() {
         "contains no study: expected study.json in it"
+    } else if path.extension().is_some_and(|extension| extension == "ron") {
+        "a study file; expected the directory of its results, such as recordings/studies/NAME"
     } else {
         "no such directory"
     };

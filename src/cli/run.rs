@@ -8,7 +8,9 @@ use super::interruption::StopRequests;
 use super::memory;
 use super::progress::{AbortAfter, NoProgress, Observers, RunProgress};
 use super::round_questions::RoundQuestions;
-use super::{CliError, RunArgs, former_names, pluralize, ranks, warning_without_locks};
+use super::{
+    CliError, RunArgs, former_names, pluralize, project_log, ranks, warning_without_locks,
+};
 use seedbed::experiment::{self, Experiment, Loaded, RunEnding, RunReport};
 use seedbed::export::live_curves::LiveCurves;
 use seedbed::input_files::{self, Directory};
@@ -125,6 +127,11 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
         Ok((experiment, folder, live, lock))
     });
     let (experiment, folder, live, lock) = ranks.agree(prepared)?;
+    project_log::add_runs(
+        &args.scenario,
+        &*experiment,
+        std::iter::once(experiment.run_seed()),
+    );
     let options = options(args, folder, ranks);
     if let (Some(LiveTarget::Serve(server)), false) = (&live, args.quiet) {
         say!(

@@ -118,7 +118,7 @@ fn run_rung(
         missing.len()
     );
     let started = Instant::now();
-    let failures = execute_runs(&args.execution, &missing, folder, &search.plan.study.name)?;
+    let failures = execute_runs(&args.execution, &missing, folder, &search.plan.study)?;
     if !missing.is_empty() {
         print_finished(missing.len(), jobs(&args.execution), started);
     }

@@ -21,11 +21,11 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::run_result::MeasuredRun;
-use crate::experiment::shown_digits;
 use crate::provenance::{self, BuildId};
 use crate::run::execution::checkpoint_schedule::CheckpointSchedule;
 use crate::run::training::Trainer;
 use crate::storage::files::Replacement;
+use crate::storage::hashes::shown_digits;
 use crate::storage::sealed::{self, Format, SealError};
 use crate::storage::written::{HashedFile, WrittenHash};
 use seedbed_input::limits::open_regular;

@@ -23,19 +23,13 @@ use crate::run::recorder::RecorderFactory;
 use crate::run::{Observer, Options, Progress, RunError};
 use seedbed_env::TaskSpec;
 use seedbed_input::FORMER_NAMES;
+use seedbed_learn::agent::bonus::PaidFor;
+use seedbed_learn::algorithms::RandomActions;
 use seedbed_settings::Settings;
 
 /// Cost of runs that take about a minute on one core, in environment steps of a random agent. The
 /// cost of a run is that of all its episodes at full length, so that many runs take less.
 pub const COST_PER_MINUTE: f64 = 3e7;
-
-/// Number of digits of a digest in names of files.
-const SHOWN_DIGITS: usize = 16;
-
-/// The digits of a digest in names of files.
-pub(crate) fn shown_digits(digest: &str) -> &str {
-    digest.get(..SHOWN_DIGITS).unwrap_or(digest)
-}
 
 /// Result of a run, or why it failed.
 pub type Outcome = Result<RunResult, String>;
@@ -51,11 +45,26 @@ pub trait Experiment: Debug + Send + Sync {
     /// The task: name, observations, actions, time limit.
     fn spec(&self) -> &TaskSpec;
 
+    /// The outlines of bodies that never move, m: `[lines]` of `[points]`; empty if there are none.
+    fn walls(&self) -> Vec<Vec<[f32; 2]>> {
+        Vec::new()
+    }
+
     /// Everything that defines the task, as text: experiments with equal texts have the same task.
     fn task_definition(&self) -> String;
 
     /// Number of agents K.
     fn agents(&self) -> u32;
+
+    /// Which random actions the agents take.
+    fn random_actions(&self) -> RandomActions {
+        RandomActions::default()
+    }
+
+    /// What the agents are paid for beside the rewards of the task.
+    fn paid_for(&self) -> PaidFor {
+        PaidFor::Nothing
+    }
 
     /// Maximum number of episodes per agent.
     fn max_episodes(&self) -> u32;

@@ -14,9 +14,10 @@ use crate::tabular::recording::MAX_AGENTS;
 use crate::tabular::results::Summary;
 use crate::tabular::run::{self, Ending};
 use crate::tabular::team::{Step, TabularTeam};
-use crate::tabular::{TabularPlan, TabularScenario};
+use crate::tabular::{Algorithm, TabularPlan, TabularScenario};
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
+use seedbed_learn::algorithms::RandomActions;
 use seedbed_settings::Settings;
 
 impl Experiment for TabularPlan {
@@ -42,6 +43,13 @@ impl Experiment for TabularPlan {
 
     fn max_episodes(&self) -> u32 {
         self.scenario.episodes.get()
+    }
+
+    fn random_actions(&self) -> RandomActions {
+        RandomActions {
+            are_correlated: false,
+            are_open_loop: matches!(self.scenario.algorithm, Algorithm::Random),
+        }
     }
 
     fn settings(&self) -> Settings {

@@ -34,6 +34,8 @@ use seedbed_env::TaskSpec;
 use seedbed_env::gymnasium::check_start;
 use seedbed_input::numbers::{ranged_count, ranged_number};
 use seedbed_input::{Located, limits};
+use seedbed_learn::agent::bonus::{Bonus, PaidFor};
+use seedbed_learn::algorithms::RandomActions;
 use seedbed_settings::Settings;
 
 /// Settings of tasks by the texts of their files. Many cells of a study have the same task, and to find what has its
@@ -62,6 +64,10 @@ impl Experiment for Plan {
 
     fn spec(&self) -> &TaskSpec {
         self.description.spec()
+    }
+
+    fn walls(&self) -> Vec<Vec<[f32; 2]>> {
+        Self::walls(self)
     }
 
     fn task_definition(&self) -> String {
@@ -133,6 +139,15 @@ impl Experiment for Plan {
         self.scenario.max_episodes()
     }
 
+    fn random_actions(&self) -> RandomActions {
+        self.scenario.algorithm.config().random_actions()
+    }
+
+    fn paid_for(&self) -> PaidFor {
+        let bonus = self.scenario.algorithm.config().bonus();
+        bonus.map_or(PaidFor::Nothing, Bonus::paid_for)
+    }
+
     fn settings(&self) -> Settings {
         let scenario = with_defaults_except_for_learning(self.scenario.clone(), 0);
         let task = task_settings(&self.environment_text);
@@ -153,7 +168,7 @@ impl Experiment for Plan {
             )),
             Needs::Threshold | Needs::Goal if !has_threshold => Some((
                 "its task has no threshold at which it counts as solved",
-                "expected another measure, or `stop: Solved(return: …, at_most: …)` in its scenario",
+                "expected another measure, `reward_threshold` in its task, or `stop: Solved(return: …, at_most: …)` in its scenario",
             )),
             _ => None,
         }

@@ -7,13 +7,17 @@ use crate::text::{html_page, json_in_script};
 const STYLE: &str = include_str!("page/style.css");
 
 /// The page's code: one script, in this order.
-const SCRIPTS: [&str; 8] = [
+const SCRIPTS: [&str; 12] = [
     include_str!("page/decode.js"),
     include_str!("page/selection.js"),
     include_str!("page/raster.js"),
     include_str!("page/brushes.js"),
     include_str!("page/panel.js"),
+    include_str!("page/scatter.js"),
     include_str!("page/scene.js"),
+    include_str!("page/player.js"),
+    include_str!("page/ranges.js"),
+    include_str!("page/legend.js"),
     include_str!("page/share.js"),
     include_str!("page/main.js"),
 ];

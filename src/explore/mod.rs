@@ -21,7 +21,7 @@ use serde::Serialize;
 use self::axes::AxisData;
 use self::colors::Palette;
 use self::encode::{encode_16, encode_32, level};
-use self::scenes::{FilmData, Filmed};
+use self::scenes::{FilmData, Filmed, ShapeData, scenery};
 use self::states::{FilmedStates, RunStates, StateColumn};
 use crate::film::FilmError;
 use crate::record::common_axes;
@@ -49,6 +49,8 @@ struct ExploredRun {
     agent_count: usize,
     states: RunStates,
     filmed: Option<Filmed>,
+    /// The fixed bodies of the task.
+    scenery: Vec<ShapeData>,
 }
 
 /// Why there is no page.
@@ -93,6 +95,8 @@ struct RunData<'a> {
     episodes: EpisodeTable,
     film: Option<FilmData>,
     filmed: Vec<FilmedEpisode>,
+    /// The fixed bodies of the task, in its coordinates.
+    scenery: &'a [ShapeData],
 }
 
 #[derive(Serialize)]
@@ -167,6 +171,7 @@ impl Explorer {
                     .max(last_agent.map_or(0, |last| last as usize + 1)),
                 states,
                 filmed,
+                scenery: scenery(run),
             });
         }
         name_by_path_if_equal(&mut explored);
@@ -246,6 +251,7 @@ impl Explorer {
                 .iter()
                 .map(|episode| self.filmed_episode(states, episode))
                 .collect(),
+            scenery: &run.scenery,
         }
     }
 

@@ -89,6 +89,7 @@ impl ExploredRun {
                 filmed: Vec::new(),
             },
             filmed: None,
+            scenery: Vec::new(),
         }
     }
 }

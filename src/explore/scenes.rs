@@ -1,4 +1,5 @@
-//! Moving bodies of some recorded episodes, which the page draws for the state at the pointer.
+//! Moving bodies of some recorded episodes, which the page plays and draws for the state at the pointer, and the fixed bodies
+//! of a task, which it draws behind states.
 
 use serde::Serialize;
 
@@ -11,8 +12,11 @@ use seedbed_env::{Pose, Scene, SceneRope};
 use seedbed_scene::camera::{Bounds, bounds_of_episodes};
 use seedbed_scene::outline::points_and_thickness;
 
-/// Maximum number of episodes of a run whose bodies are in the page.
-const MAX_EPISODES: usize = 12;
+/// Number of states of a run whose bodies are in the page. Short episodes have fewer, long ones more.
+const FILMED_STATES: usize = 10_000;
+
+/// Minimum and maximum number of the episodes of these states.
+const EPISODES: [usize; 2] = [12, 60];
 
 /// The filmed episodes of a run.
 #[derive(Debug)]
@@ -21,6 +25,8 @@ pub(super) struct Filmed {
     bounds: Bounds,
     /// Agent and episode.
     pub episodes: Vec<(u32, RecordedScene)>,
+    /// Number of recorded episodes, of which `episodes` may have some.
+    recorded: usize,
 }
 
 /// The filmed episodes as the page reads them.
@@ -39,16 +45,22 @@ pub(super) struct FilmData {
     poses: Vec<Vec<String>>,
     /// Lines of the ground, m, per episode: `[episodes]` of `[lines]` of `[points]`.
     terrain: Vec<Vec<Vec<[f32; 2]>>>,
+    /// Number of recorded episodes, of which the page may have some.
+    recorded: usize,
 }
 
 #[derive(Debug, Serialize)]
 struct BodyData {
     fixed: bool,
+    /// Red, green and blue, if the task gives them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    color: Option<[u8; 3]>,
     shapes: Vec<ShapeData>,
 }
 
+/// A shape in the frame of its body, or in the world.
 #[derive(Debug, Serialize)]
-struct ShapeData {
+pub(super) struct ShapeData {
     points: Vec<[f32; 2]>,
     /// Thickness of a line; `None` for closed shapes.
     thickness: Option<f32>,
@@ -75,12 +87,16 @@ impl Filmed {
             let recorded = recording.scenes(agent, scene)?;
             episodes.extend(recorded.into_iter().map(|scene| (agent, scene)));
         }
-        let episodes = evenly_spaced(episodes, MAX_EPISODES);
+        let recorded = episodes.len();
+        let poses: usize = episodes.iter().map(|(_, scene)| scene.poses.len()).sum();
+        let count = episode_count(recorded, poses / scene.bodies.len().max(1));
+        let episodes = evenly_spaced(episodes, count);
         let motions = episodes.iter().map(|(_, recorded)| recorded.motion());
         Ok(bounds_of_episodes(scene, motions).map(|bounds| Self {
             scene: scene.clone(),
             bounds,
             episodes,
+            recorded,
         }))
     }
 
@@ -119,6 +135,7 @@ impl Filmed {
                 .iter()
                 .map(|(_, recorded)| recorded.terrain.clone())
                 .collect(),
+            recorded: self.recorded,
         }
     }
 
@@ -131,10 +148,26 @@ impl Filmed {
         bodies
             .map(|body| BodyData {
                 fixed: body.is_fixed,
+                color: body.color,
                 shapes: body.shapes.iter().map(shape).collect(),
             })
             .collect()
     }
+}
+
+/// Number of episodes in the page, if a run has `recorded` ones with this number of states.
+fn episode_count(recorded: usize, states: usize) -> usize {
+    let [fewest, most] = EPISODES;
+    (FILMED_STATES * recorded / states.max(1)).clamp(fewest, most)
+}
+
+/// The bodies of a run's task that never move, in the world; none if the task is not known, or has processes of its own.
+pub(super) fn scenery(run: &LoadedRun) -> Vec<ShapeData> {
+    let plan = run.folder.as_ref().map(Plan::of_run);
+    let plan = plan.and_then(Result::ok);
+    let shapes = plan.map_or(Vec::new(), |plan| plan.fixed_shapes());
+    let shape = |(points, thickness)| ShapeData { points, thickness };
+    shapes.into_iter().map(shape).collect()
 }
 
 /// The components of a pose.
@@ -150,5 +183,19 @@ fn range(values: impl Iterator<Item = f32>) -> [f64; 2] {
         [low, high]
     } else {
         [low, low + 1.0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 200 states per episode are 10,000 states in 50 episodes.
+    #[test]
+    fn pages_have_a_limited_number_of_filmed_states() {
+        assert_eq!(episode_count(100, 100 * 200), 50);
+        assert_eq!(episode_count(100, 100 * 1001), 12);
+        assert_eq!(episode_count(1000, 1000 * 10), 60);
+        assert_eq!(episode_count(0, 0), 12);
     }
 }

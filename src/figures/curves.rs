@@ -1,6 +1,10 @@
 //! Panels over episodes and rounds: returns, and the columns of `rounds.csv`.
 
+use std::collections::BTreeMap;
+
+use super::progress::Over;
 use super::runs::PlottedRun;
+use super::settings::FigureSettings;
 use crate::plotting::trailing_means;
 use crate::record::other_range;
 use crate::record::state_files::Learners;
@@ -9,15 +13,17 @@ use crate::run::facts::FINAL_WINDOW;
 use crate::run::facts::metrics::{Metric, Scope, round_metrics_in_display_order};
 use crate::text::without_trailing_zeros;
 use seedbed_env::Quantity;
-use seedbed_figure::color::{AGENT_COLORS, OTHERS_COLOR, TEAM_COLOR, categorical_color};
+use seedbed_figure::color::{
+    AGENT_COLORS, OTHERS_COLOR, TEAM_COLOR, categorical_color, series_color,
+};
 use seedbed_figure::{Color, Curves, Panel, Row, Series, Threshold};
 
 /// A row with one panel of returns. A single run is drawn with one curve per agent and the mean of
 /// the team; several runs are drawn with the mean of each team.
-pub(super) fn returns_row(runs: &[PlottedRun], agents: &[u32]) -> Row {
+pub(super) fn returns_row(runs: &[PlottedRun], agents: &[u32], over: Over) -> Row {
     let panel = match runs {
-        [run] => returns_of_agents(run, agents),
-        _ => returns_of_teams(runs),
+        [run] => returns_of_agents(run, agents, over),
+        _ => returns_of_teams(runs, over),
     };
     Row {
         height: 270.0,
@@ -69,13 +75,14 @@ fn with_colors(shown: &[u32]) -> Vec<ShownAgent> {
     gray.chain(named).collect()
 }
 
-fn returns_of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
+fn returns_of_agents(run: &PlottedRun, agents: &[u32], over: Over) -> Curves {
     let learners = learners_in_copies(run).filter(|_| agents.is_empty());
     let (shown, noun) = match learners {
         Some(learners) => ((0..learners.count() as u32).collect(), "learner"),
         None => (shown_agents(run, agents), "agent"),
     };
     let of_learners = learners.map(|learners| learners.returns(&run.loaded_run.episodes));
+    let positions = positions(run, over);
     let returns = |agent: u32| match &of_learners {
         Some(returns) => returns[agent as usize].clone(),
         None => run.loaded_run.returns(agent).collect(),
@@ -87,11 +94,7 @@ fn returns_of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
     let agent_series = |shown: &ShownAgent| Series {
         name: shown.name.replace("agent", noun),
         color: shown.color,
-        points: (0..)
-            .map(f64::from)
-            .zip(returns(shown.agent))
-            .map(<[f64; 2]>::from)
-            .collect(),
+        points: points(&positions[shown.agent as usize], &returns(shown.agent)),
         is_faint: is_team,
         ..Series::default()
     };
@@ -99,13 +102,14 @@ fn returns_of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
     let name_prefix = if is_team { "team, " } else { "" };
     series.push(team_series(
         run,
+        over,
         format!("{name_prefix}mean of {FINAL_WINDOW} episodes"),
         TEAM_COLOR,
     ));
     let thresholds = threshold(run).into_iter().collect();
     panel(
         &format!("returns{}", nan_note(returns_of(&[run]))),
-        &format!("episode of each {noun}"),
+        &over.label_of_returns(noun),
         "return",
         series,
         thresholds,
@@ -119,10 +123,10 @@ fn learners_in_copies(run: &PlottedRun) -> Option<&Learners> {
     learners.filter(|learners| learners.have_copies())
 }
 
-fn returns_of_teams(runs: &[PlottedRun]) -> Curves {
+fn returns_of_teams(runs: &[PlottedRun], over: Over) -> Curves {
     let series = (0..)
         .zip(runs)
-        .map(|(index, run)| team_series(run, run.label.clone(), categorical_color(index)))
+        .map(|(index, run)| team_series(run, over, run.label.clone(), series_color(index)))
         .collect();
     let mut thresholds: Vec<Threshold> = runs.iter().filter_map(threshold).collect();
     thresholds.dedup();
@@ -133,7 +137,7 @@ fn returns_of_teams(runs: &[PlottedRun]) -> Curves {
     );
     panel(
         &title,
-        "episode of each agent",
+        &over.label_of_returns("agent"),
         "return",
         series,
         thresholds,
@@ -160,19 +164,30 @@ fn nan_note(values: impl Iterator<Item = f64> + Clone) -> String {
 
 /// Curve of the mean return over all agents and over the latest `FINAL_WINDOW` episodes of each
 /// agent.
-fn team_series(run: &PlottedRun, name: String, color: [u8; 3]) -> Series {
+fn team_series(run: &PlottedRun, over: Over, name: String, color: [u8; 3]) -> Series {
     let means = trailing_means(&run.loaded_run.team_returns(), FINAL_WINDOW);
-    let points = (0..)
-        .map(f64::from)
-        .zip(means)
-        .map(<[f64; 2]>::from)
-        .collect();
     Series {
         name,
         color,
-        points,
+        points: points(&Over::of_team(&positions(run, over)), &means),
         ..Series::default()
     }
+}
+
+/// The positions of the episodes of each agent or, where learners act in copies, of each learner.
+fn positions(run: &PlottedRun, over: Over) -> Vec<Vec<f64>> {
+    match learners_in_copies(run) {
+        Some(learners) => over.of_learners(run, learners),
+        None => (0..run.loaded_run.agent_count() as u32)
+            .map(|agent| over.of_agent(run, agent))
+            .collect(),
+    }
+}
+
+/// Points of a curve.
+fn points(positions: &[f64], values: &[f64]) -> Vec<[f64; 2]> {
+    let points = positions.iter().zip(values);
+    points.map(|(&x, &y)| [x, y]).collect()
 }
 
 fn threshold(run: &PlottedRun) -> Option<Threshold> {
@@ -189,7 +204,7 @@ fn threshold(run: &PlottedRun) -> Option<Threshold> {
 /// are omitted.
 pub(super) fn metric_rows(
     runs: &[PlottedRun],
-    agents: &[u32],
+    settings: &FigureSettings,
     visits_are_comparable: bool,
     columns: usize,
 ) -> Vec<Row> {
@@ -198,11 +213,15 @@ pub(super) fn metric_rows(
         let mut values = rows().filter_map(|row| metric.value(row));
         metric.plotted && values.any(f64::is_normal)
     };
+    let rounds: Vec<RunRounds<'_>> = runs
+        .iter()
+        .map(|run| RunRounds::new(run, settings.over))
+        .collect();
     let panels: Vec<Panel> = round_metrics_in_display_order()
         .into_iter()
         .filter(is_shown)
         .filter(|metric| !metric.is_of_visits() || visits_are_comparable)
-        .map(|metric| Panel::Curves(metric_panel(runs, agents, metric)))
+        .map(|metric| Panel::Curves(metric_panel(&rounds, settings, metric)))
         .collect();
     let row_of = |panels: &[Panel]| {
         let mut panels = panels.to_vec();
@@ -248,19 +267,32 @@ fn observations(run: &PlottedRun) -> Option<Vec<Quantity>> {
     Some(plan.description.spec().observations.clone())
 }
 
-fn metric_panel(runs: &[PlottedRun], agents: &[u32], metric: &Metric) -> Curves {
+/// A run with the positions of its rounds.
+struct RunRounds<'a> {
+    run: &'a PlottedRun,
+    positions: BTreeMap<u32, f64>,
+}
+
+impl<'a> RunRounds<'a> {
+    fn new(run: &'a PlottedRun, over: Over) -> Self {
+        let positions = over.of_rounds(run);
+        Self { run, positions }
+    }
+}
+
+fn metric_panel(runs: &[RunRounds<'_>], settings: &FigureSettings, metric: &Metric) -> Curves {
     let series = match runs {
         [run] if metric.scope == Scope::Team => {
             vec![metric_of_team(run, "team".to_owned(), TEAM_COLOR, metric)]
         }
-        [run] => with_colors(&shown_agents(run, agents))
+        [run] => with_colors(&shown_agents(run.run, &settings.agents))
             .into_iter()
             .map(|shown| metric_of_agent(run, shown, metric))
             .collect(),
         _ => (0..)
             .zip(runs)
             .map(|(index, run)| {
-                metric_of_team(run, run.label.clone(), categorical_color(index), metric)
+                metric_of_team(run, run.run.label.clone(), series_color(index), metric)
             })
             .collect(),
     };
@@ -270,16 +302,21 @@ fn metric_panel(runs: &[PlottedRun], agents: &[u32], metric: &Metric) -> Curves 
         metric.label(),
         nan_note(values.map(|point| point[1]))
     );
-    panel(&title, "round", "", series, Vec::new())
+    let x_label = settings.over.label_of_rounds();
+    panel(&title, x_label, "", series, Vec::new())
 }
 
-fn metric_of_agent(run: &PlottedRun, shown: ShownAgent, metric: &Metric) -> Series {
+fn metric_of_agent(
+    RunRounds { run, positions }: &RunRounds<'_>,
+    shown: ShownAgent,
+    metric: &Metric,
+) -> Series {
     let rows = run
         .loaded_run
         .rounds
         .iter()
         .filter(|row| row.agent == shown.agent);
-    let points = rows.filter_map(|row| Some([f64::from(row.round), metric.value(row)?]));
+    let points = rows.filter_map(|row| Some([*positions.get(&row.round)?, metric.value(row)?]));
     Series {
         name: shown.name,
         color: shown.color,
@@ -288,13 +325,22 @@ fn metric_of_agent(run: &PlottedRun, shown: ShownAgent, metric: &Metric) -> Seri
     }
 }
 
-fn metric_of_team(run: &PlottedRun, name: String, color: Color, metric: &Metric) -> Series {
+fn metric_of_team(
+    RunRounds { run, positions }: &RunRounds<'_>,
+    name: String,
+    color: Color,
+    metric: &Metric,
+) -> Series {
     let rounds = run
         .loaded_run
         .rounds
         .chunk_by(|one, next| one.round == next.round);
-    let points = rounds
-        .filter_map(|rows| Some([f64::from(rows[0].round), metric.team_value_of_round(rows)?]));
+    let points = rounds.filter_map(|rows| {
+        Some([
+            *positions.get(&rows[0].round)?,
+            metric.team_value_of_round(rows)?,
+        ])
+    });
     Series {
         name,
         color,

@@ -9,11 +9,13 @@ mod curves;
 pub mod distributions;
 mod error;
 mod page;
+mod progress;
 mod runs;
 mod settings;
 mod states;
 
 pub use self::error::FigureError;
+pub use self::progress::Over;
 pub use self::settings::{DEFAULT_WIDTH, FigureSettings, Part};
 
 use self::page::PlotPage;
@@ -26,20 +28,35 @@ use seedbed_figure::Figure;
 pub struct RunFigure {
     settings: FigureSettings,
     runs: Vec<PlottedRun>,
+    /// For people: what is left out.
+    notes: Vec<String>,
 }
 
 impl RunFigure {
-    /// Reads what the settings choose of some runs. Calls `on_episode` for each episode that is read.
+    /// Reads what the settings choose of some runs. Without a recording, the default parts are returns and curves. Calls `on_episode` for each episode that is read.
     ///
     /// # Errors
     /// A run has no recording, agent or axis that is chosen, or cannot be read.
     pub fn read(
-        settings: FigureSettings,
+        mut settings: FigureSettings,
         runs: Vec<LoadedRun>,
         on_episode: &mut dyn FnMut(),
     ) -> Result<Self, FigureError> {
+        let mut notes = Vec::new();
+        let unrecorded = runs.iter().find(|run| run.recording.is_none());
+        if let (Some(run), true) = (unrecorded, settings.parts.is_empty()) {
+            settings.parts = vec![Part::Returns, Part::Curves];
+            let run = run.path.display();
+            notes.push(format!(
+                "only returns and curves are drawn, because {run} has no recording"
+            ));
+        }
         let runs = runs::read(&settings, runs, on_episode)?;
-        Ok(Self { settings, runs })
+        Ok(Self {
+            settings,
+            runs,
+            notes,
+        })
     }
 
     /// The figure, and notes for people on what it leaves out.
@@ -51,6 +68,7 @@ impl RunFigure {
             settings: &self.settings,
             runs: &self.runs,
         };
-        page.figure()
+        let (figure, notes) = page.figure()?;
+        Ok((figure, [self.notes.clone(), notes].concat()))
     }
 }

@@ -15,6 +15,15 @@ const MIN_AXIS_WIDTH: f64 = 62.0;
 /// Maximum number of agents that have a panel each, unless agents are chosen.
 const MAX_AGENT_PANELS: u32 = 8;
 
+/// What surrounds a map, in CSS pixels: the color key beside a row, labels on the left, title and labels below.
+const WIDTH_OF_KEY: f64 = 100.0;
+const WIDTH_OF_LABELS: f64 = 70.0;
+const HEIGHT_OF_LABELS: f64 = 68.0;
+const HEIGHT_OF_TITLE: f64 = 44.0;
+
+/// Height below which maps to scale have fewer columns.
+const MIN_MAP_HEIGHT: f64 = 75.0;
+
 /// The page to draw.
 pub(super) struct PlotPage<'a> {
     pub(super) settings: &'a FigureSettings,
@@ -26,6 +35,9 @@ impl PlotPage<'_> {
         let settings = self.settings;
         self.check_data()?;
         let (mut rows, mut notes) = (Vec::new(), Vec::new());
+        if settings.shows(Part::Scatter) && settings.parts.is_empty() {
+            rows.extend(self.scatter());
+        }
         if settings.shows(Part::Visitation) {
             rows.extend(self.visitation());
         }
@@ -39,11 +51,15 @@ impl PlotPage<'_> {
         if settings.shows(Part::Density) && adds_density {
             rows.extend(self.density());
         }
-        if settings.shows(Part::Scatter) {
+        if settings.shows(Part::Scatter) && !settings.parts.is_empty() {
             rows.extend(self.scatter());
         }
         if settings.shows(Part::Returns) {
-            rows.push(curves::returns_row(self.runs, &settings.agents));
+            rows.push(curves::returns_row(
+                self.runs,
+                &settings.agents,
+                settings.over,
+            ));
         }
         if settings.shows(Part::Curves) {
             let other_ranges = curves::other_ranges(self.runs);
@@ -56,7 +72,7 @@ impl PlotPage<'_> {
             }));
             rows.extend(curves::metric_rows(
                 self.runs,
-                &settings.agents,
+                settings,
                 are_comparable,
                 self.columns_of_width(240.0),
             ));
@@ -294,19 +310,47 @@ impl PlotPage<'_> {
     }
 
     fn scatter(&self) -> Vec<Row> {
-        // Two axes are seen at a glance, so that each agent has a panel.
-        let groups = if self.settings.axes.len() == 2 {
+        let groups = if self.settings.shows_one_pair() {
             self.visitation_groups()
         } else {
             self.team_groups()
         };
         let (panels, key) = states::scatter(self.settings, &groups);
+        let aspect = panels.first().and_then(Panel::aspect_of_map);
         let columns = if self.runs.len() > 1 {
             self.runs.len()
         } else {
-            balanced_columns(panels.len(), self.columns_of_width(170.0))
+            let most = self.columns_of_width(if aspect.is_none() { 115.0 } else { 170.0 });
+            let fitting = (1..=most).rev().find(|columns| {
+                aspect.is_none_or(|aspect| self.size_of_map(*columns, aspect) >= MIN_MAP_HEIGHT)
+            });
+            let largest = aspect.and_then(|aspect| self.columns_of_largest(aspect, panels.len()));
+            largest.unwrap_or(balanced_columns(panels.len(), fitting.unwrap_or(1)))
         };
-        layout_rows(panels, columns, 220.0, key.as_ref())
+        let height = aspect.map_or(220.0, |aspect| {
+            self.size_of_map(columns, aspect).clamp(60.0, 500.0) + HEIGHT_OF_LABELS
+        });
+        layout_rows(panels, columns, height, key.as_ref())
+    }
+
+    /// On a page of given height with nothing but maps: the number of columns with which they are largest.
+    fn columns_of_largest(&self, aspect: f64, maps: usize) -> Option<usize> {
+        let height = self.settings.height?;
+        if self.settings.parts != [Part::Scatter] {
+            return None;
+        }
+        let size = |columns: &usize| {
+            let rows = maps.div_ceil(*columns) as f64;
+            let in_height = (height - HEIGHT_OF_TITLE) / rows - HEIGHT_OF_LABELS;
+            in_height.min(self.size_of_map(*columns, aspect))
+        };
+        (1..=maps).max_by(|one, other| size(one).total_cmp(&size(other)))
+    }
+
+    /// Height of the plots of maps to scale with so many columns. Rows of this height have no empty space.
+    fn size_of_map(&self, columns: usize, aspect: f64) -> f64 {
+        let width = (self.settings.width - WIDTH_OF_KEY) / columns as f64 - WIDTH_OF_LABELS;
+        width * aspect
     }
 }
 

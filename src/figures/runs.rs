@@ -7,7 +7,6 @@ use crate::record::{RecordedStates, common_axes};
 use crate::review::LoadedRun;
 use crate::review::selection::{EpisodeSelection, SelectedStates};
 use crate::run::Plan;
-use seedbed_scene::outline;
 
 /// A run with the states to draw.
 #[derive(Debug)]
@@ -70,14 +69,9 @@ pub(super) fn read(
     Ok(runs)
 }
 
-/// The outlines of bodies that never move; `None` if the task is not known, or has processes of its own.
+/// The outlines of bodies that never move; `None` if the task is not known.
 fn walls(run: &LoadedRun) -> Option<Vec<Vec<[f32; 2]>>> {
-    let plan = Plan::of_run(run.folder.as_ref()?).ok()?;
-    if plan.description.gymnasium().is_some() {
-        return None;
-    }
-    let environment = seedbed_env::build(&plan.description, plan.scenario.physics, 1).ok()?;
-    Some(outline::fixed_lines(&*environment))
+    Some(Plan::of_run(run.folder.as_ref()?).ok()?.walls())
 }
 
 /// Without tables, the returns are taken from the recording.

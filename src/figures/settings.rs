@@ -2,12 +2,14 @@
 
 use std::ops::Range;
 
-use super::FigureError;
+use super::{FigureError, Over};
+use crate::plotting::map_axes;
 use crate::record::RecordedStates;
 use crate::record::visitation::Axes;
 use crate::review::condition::Condition;
 use crate::review::selection::{EpisodeSelection, StateSelection};
 use crate::scenario::recording::ColorBy;
+use seedbed_env::Quantity;
 
 /// What a figure of runs shows.
 #[derive(Clone, Debug, Default)]
@@ -24,10 +26,14 @@ pub struct FigureSettings {
     pub axes: Vec<String>,
     /// What the color of a state shows; `None` draws densities where there are many states.
     pub color_by: Option<ColorBy>,
+    /// What returns and curves are drawn over.
+    pub over: Over,
     /// Maximum number of states that a panel draws one by one.
     pub max_lines: u32,
     /// Width of the page in CSS pixels; [`DEFAULT_WIDTH`] is two columns of a paper.
     pub width: f64,
+    /// Height of the page in CSS pixels, if it is given: maps have as many columns as make them largest.
+    pub height: Option<f64>,
 }
 
 /// Width of a page in CSS pixels, unless another is chosen.
@@ -53,7 +59,8 @@ pub enum Part {
 }
 
 /// The parts that are drawn by default.
-const DEFAULT_PARTS: [Part; 4] = [
+const DEFAULT_PARTS: [Part; 5] = [
+    Part::Scatter,
     Part::Visitation,
     Part::Difference,
     Part::Density,
@@ -110,6 +117,20 @@ impl FigureSettings {
         Ok(axis_indices)
     }
 
+    /// Whether scatter plots show one pair of axes, with one panel per agent: a pair is seen at a glance.
+    pub(super) fn shows_one_pair(&self) -> bool {
+        self.axes.len() == 2 || (self.axes.is_empty() && self.parts.is_empty())
+    }
+
+    /// The pairs of axes of scatter plots, as indices among all axes.
+    pub(super) fn scatter_pairs(&self, axes: &Axes) -> Result<Vec<[usize; 2]>, FigureError> {
+        if self.axes.is_empty() && self.parts.is_empty() {
+            let quantities: Vec<&Quantity> = axes.all().iter().map(|axis| &axis.quantity).collect();
+            return Ok(map_axes(&quantities).into_iter().collect());
+        }
+        Ok(axis_pairs(&self.axis_indices(axes)?))
+    }
+
     /// The states of a run that are drawn.
     pub(super) fn state_selection(
         &self,
@@ -124,7 +145,7 @@ impl FigureSettings {
             },
             conditions: self.parsed_conditions(recording)?,
             sample_size: self.max_lines as usize,
-            pairs: axis_pairs(&axes),
+            pairs: self.scatter_pairs(all_axes)?,
             axes,
             all_axes: all_axes.clone(),
         })
@@ -142,7 +163,7 @@ impl FigureSettings {
 }
 
 /// The pairs of axes that are drawn, as indices of axes.
-pub(super) fn axis_pairs(axes: &[usize]) -> Vec<[usize; 2]> {
+fn axis_pairs(axes: &[usize]) -> Vec<[usize; 2]> {
     if axes.len() > MAX_PAIRED_AXES {
         return axes.windows(2).map(|pair| [pair[0], pair[1]]).collect();
     }

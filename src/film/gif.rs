@@ -19,6 +19,18 @@ const QUANTIZATION_SPEED: i32 = 10;
 /// Time for which the last picture stays, in hundredths of a second.
 const LAST_DELAY: u16 = 200;
 
+impl Region {
+    /// The whole picture if there is no latest one.
+    pub(super) fn of_change(latest: Option<&Pixels>, picture: &Pixels) -> Self {
+        changed_region(picture, &|pixel| is_changed(latest, picture, pixel))
+    }
+
+    /// Left, top, width and height.
+    pub(super) fn sides(self) -> [u32; 4] {
+        [self.left, self.top, self.width, self.height].map(|side| side as u32)
+    }
+}
+
 /// Writes pictures of equal size, one after the other. The film starts again at its end.
 pub struct GifWriter<W: Write> {
     encoder: Encoder<W>,
@@ -31,7 +43,7 @@ pub struct GifWriter<W: Write> {
 
 /// The smallest rectangle with all pixels that changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Region {
+pub(super) struct Region {
     left: usize,
     top: usize,
     width: usize,
@@ -91,16 +103,12 @@ fn into_io(error: EncodingError) -> io::Error {
 
 /// The part of a picture that differs from the latest one; unchanged pixels are transparent.
 fn difference(latest: Option<&Pixels>, picture: &Pixels) -> Frame<'static> {
-    let is_changed = |pixel: usize| {
-        let bytes = 3 * pixel..3 * pixel + 3;
-        latest.is_none_or(|latest| latest.rgb[bytes.clone()] != picture.rgb[bytes])
-    };
-    let region = changed_region(picture, &is_changed);
+    let region = Region::of_change(latest, picture);
     let mut colors = Vec::with_capacity(region.width * region.height);
     for row in region.top..region.top + region.height {
         for column in region.left..region.left + region.width {
             let pixel = row * picture.width as usize + column;
-            colors.push(is_changed(pixel).then(|| color(picture, pixel)));
+            colors.push(is_changed(latest, picture, pixel).then(|| color(picture, pixel)));
         }
     }
     let palette = palette(&colors);
@@ -113,6 +121,11 @@ fn difference(latest: Option<&Pixels>, picture: &Pixels) -> Frame<'static> {
         Frame::from_palette_pixels(width, height, pixels, palette_bytes, Some(transparent));
     (frame.left, frame.top) = (region.left as u16, region.top as u16);
     frame
+}
+
+fn is_changed(latest: Option<&Pixels>, picture: &Pixels, pixel: usize) -> bool {
+    let bytes = 3 * pixel..3 * pixel + 3;
+    latest.is_none_or(|latest| latest.rgb[bytes.clone()] != picture.rgb[bytes])
 }
 
 fn color(picture: &Pixels, pixel: usize) -> Color {

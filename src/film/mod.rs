@@ -1,32 +1,38 @@
 //! Films of runs: the motion of one agent, the states that all agents have visited so far, and their
 //! returns, from the first episode to the last.
 //!
-//! Motion is either recorded bodies or, in environments of Gymnasium, pictures that the environment
-//! draws while recorded episodes are played again. [`Film::new`] chooses the episodes,
-//! [`Film::frame`] arranges one frame, [`gif`] encodes frames.
+//! Motion is either bodies or, in environments of Gymnasium, pictures that the environment draws while
+//! episodes are played again. [`Film::of_run`] and [`Film::of_policy`] choose the episodes,
+//! [`Film::pixels`] draws one frame, [`encoder`] encodes frames.
 
 mod bodies;
-pub mod gif;
+pub mod encoder;
+mod episodes;
+mod gif;
 mod pictures;
+mod policy;
+mod simulation;
 mod timeline;
 
 use std::path::PathBuf;
 
 use self::bodies::Bodies;
 use self::pictures::Pictures;
-use self::timeline::Timeline;
+use self::timeline::{ShownEpisode, Timeline};
 use crate::plotting;
 use crate::record::visitation::Unplaced;
 use crate::record::{ReadError, RecordedStates};
 use crate::review::selection::{EpisodeSelection, SelectedState, SelectedStates, StateSelection};
 use crate::review::{LoadRunError, LoadedRun};
-use crate::run::Plan;
 use crate::run::facts::EpisodeRow;
 use crate::run::facts::returns::team_returns;
+use crate::run::training::RoundFailure;
+use crate::run::{Plan, RunError};
 use seedbed_env::{Physics, TaskDescription, TaskSpec};
 use seedbed_figure::color::{TEAM_COLOR, agent_color};
 use seedbed_figure::{
-    Axis, Curves, Figure, Panel, ParallelCoordinates, Row, Series, StateLine, States,
+    Axis, Curves, Figure, Panel, ParallelCoordinates, Pixels, RenderError, Row, Series, StateLine,
+    States,
 };
 use seedbed_input::InputError;
 
@@ -71,8 +77,8 @@ pub struct SeedsOfEpisodes {
 pub struct FilmSettings {
     /// Agent whose motion is shown.
     pub agent: u32,
-    /// Duration, s.
-    pub seconds: f64,
+    /// Duration, s. Of a training by default 12 s; of a trained policy whole episodes.
+    pub seconds: Option<f64>,
     /// Number of frames per second.
     pub frames_per_second: u32,
     /// Width of a frame in pixels.
@@ -85,7 +91,7 @@ pub struct FilmSettings {
 #[derive(Debug, thiserror::Error)]
 pub enum FilmError {
     /// The run has no recording, or is only a recording.
-    #[error("{0} has no recording and scenario, from which a film is made")]
+    #[error("{0} has no recording with its scenario beside it, from which a film is made")]
     NotRecorded(PathBuf),
     /// The run has no such agent.
     #[error("{run} has no agent {agent}: it has agents 0 to {last}", last = agent_count - 1)]
@@ -103,6 +109,15 @@ pub enum FilmError {
     /// The run cannot be read.
     #[error(transparent)]
     Run(#[from] LoadRunError),
+    /// The policies of the run cannot be played.
+    #[error(transparent)]
+    Policy(#[from] RunError),
+}
+
+impl From<RoundFailure> for FilmError {
+    fn from(failure: RoundFailure) -> Self {
+        Self::Policy(failure.into())
+    }
 }
 
 impl From<ReadError> for FilmError {
@@ -117,6 +132,13 @@ pub struct Film {
     settings: FilmSettings,
     title: String,
     motion: Motion,
+    /// What all agents did; `None` in films of a trained policy.
+    training: Option<Training>,
+}
+
+/// Visited states and returns of all agents.
+#[derive(Debug)]
+struct Training {
     axes: Vec<Axis>,
     /// A sample of visited states of all agents, in the order of episodes.
     states: Vec<(u32, SelectedState)>,
@@ -133,6 +155,12 @@ enum Motion {
     Bodies(Timeline, Bodies),
     Pictures(Timeline, Pictures),
 }
+
+/// Duration of the film of a training, s.
+const DEFAULT_SECONDS: f64 = 12.0;
+
+/// Width of a frame in its own unit of length: a CSS pixel, if frames have as many pixels.
+const FRAME_WIDTH: f64 = 760.0;
 
 /// Number of states that are drawn at the end of the film.
 const MAX_LINES: usize = 600;
@@ -211,10 +239,12 @@ impl Film {
         Ok(Self {
             settings,
             motion: Motion::of(&filmed, settings)?,
-            axes: axes_of_film(&selection, &selected),
-            states: in_order_of_episodes(selected),
-            returns: (0..agent_count as u32).map(returns).collect(),
-            team_returns: team_returns(filmed.episodes, agent_count),
+            training: Some(Training {
+                axes: axes_of_film(&selection, &selected),
+                states: in_order_of_episodes(selected),
+                returns: (0..agent_count as u32).map(returns).collect(),
+                team_returns: team_returns(filmed.episodes, agent_count),
+            }),
             title: filmed.title,
         })
     }
@@ -234,41 +264,71 @@ impl Film {
         self.settings.frame_count()
     }
 
-    /// Frame `number`, which is below [`frame_count`](Self::frame_count).
+    /// Width and height of all frames in pixels.
     #[must_use]
-    pub fn frame(&self, number: usize) -> Figure {
-        let episode = self.episode_at(number);
-        let mut panels = Vec::new();
-        panels.extend(self.motion.panel(number, self.settings.agent));
-        panels.push(Panel::ParallelCoordinates(self.visited_states(episode)));
+    pub fn size(&self) -> [u32; 2] {
+        let height = self.frame(0).height() * self.scale();
+        [self.settings.width, height.round() as u32]
+    }
+
+    /// The pixels of frame `number`, which is below [`frame_count`](Self::frame_count).
+    ///
+    /// # Errors
+    /// The page is too large for memory.
+    pub fn pixels(&self, number: usize) -> Result<Pixels, RenderError> {
+        self.frame(number).pixels(self.scale())
+    }
+
+    /// Pixels per unit of length: letters grow with the frame.
+    fn scale(&self) -> f64 {
+        f64::from(self.settings.width) / FRAME_WIDTH
+    }
+
+    fn frame(&self, number: usize) -> Figure {
+        let motion = self.motion.panel(number, self.settings.agent);
+        let rows = match &self.training {
+            None => vec![row(self.motion.height(), motion.into_iter().collect())],
+            Some(training) => {
+                let episode = self.episode_at(number, training);
+                let states = Panel::ParallelCoordinates(training.visited_states(episode));
+                let curves = Panel::Curves(training.curves(episode));
+                let above = motion.into_iter().chain([states]).collect();
+                vec![row(230.0, above), row(120.0, vec![curves])]
+            }
+        };
         Figure {
             title: self.title.clone(),
             description: String::new(),
-            width: f64::from(self.settings.width),
-            rows: vec![
-                Row {
-                    height: 230.0,
-                    panels,
-                    key: None,
-                },
-                Row {
-                    height: 120.0,
-                    panels: vec![Panel::Curves(self.curves(episode))],
-                    key: None,
-                },
-            ],
+            width: FRAME_WIDTH,
+            rows,
         }
     }
 
     /// The newest episode of which a frame shows states and returns. It grows evenly between the
     /// episodes whose motion is shown.
-    fn episode_at(&self, frame: usize) -> u32 {
-        let last = self.returns.iter().map(Vec::len).max().unwrap_or(0).max(1) - 1;
+    fn episode_at(&self, frame: usize, training: &Training) -> u32 {
+        let last = training.last_episode();
         if let Some(timeline) = self.motion.timeline() {
-            return timeline.episode_at(frame, last as u32);
+            return timeline.episode_at(frame, last);
         }
         let position = (frame + 1) as f64 / self.frame_count().max(1) as f64;
-        (position * last as f64) as u32
+        (position * f64::from(last)) as u32
+    }
+}
+
+fn row(height: f64, panels: Vec<Panel>) -> Row {
+    Row {
+        height,
+        panels,
+        key: None,
+    }
+}
+
+impl Training {
+    /// Number of the last episode of any agent.
+    fn last_episode(&self) -> u32 {
+        let episodes = self.returns.iter().map(Vec::len).max().unwrap_or(0);
+        episodes.max(1) as u32 - 1
     }
 
     fn visited_states(&self, episode: u32) -> ParallelCoordinates {
@@ -323,12 +383,11 @@ impl Film {
         let [low, high] = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &value| {
             [low.min(value), high.max(value)]
         });
-        let last = self.returns.iter().map(Vec::len).max().unwrap_or(0);
         Curves {
             x_label: "episode".to_owned(),
             y_label: self.label_of_returns(),
             series,
-            x_range: Some([0.0, (last.max(2) - 1) as f64]),
+            x_range: Some([0.0, f64::from(self.last_episode().max(1))]),
             y_range: (low < high).then_some([low, high]),
             ..Curves::default()
         }
@@ -365,8 +424,19 @@ impl FilmSettings {
         1.0 / (f64::from(self.frames_per_second) * spec.control_step)
     }
 
+    /// The timeline of a film with this many frames.
+    fn timeline(self, episodes: Vec<ShownEpisode>, spec: &TaskSpec) -> Timeline {
+        Timeline {
+            episodes,
+            steps_per_frame: self.steps_per_frame(spec),
+            frames: self.frame_count(),
+            control_step: spec.control_step,
+        }
+    }
+
     fn frame_count(self) -> usize {
-        (self.seconds * f64::from(self.frames_per_second)).round() as usize
+        let seconds = self.seconds.unwrap_or(DEFAULT_SECONDS);
+        (seconds * f64::from(self.frames_per_second)).round() as usize
     }
 }
 
@@ -394,13 +464,9 @@ impl Motion {
         task: FilmedTask<'_>,
         settings: FilmSettings,
     ) -> Result<Self, FilmError> {
-        Ok(match Bodies::read(recording, task, settings)? {
-            Some((timeline, bodies)) => Self::Bodies(timeline, bodies),
-            None => Self::None(Some(format!(
-                "no motion of agent {0} is recorded, so that the film shows no bodies; record it with `--set \
-                 'recording.scene=(agents: [{0}])'`",
-                settings.agent
-            ))),
+        Ok(match Bodies::of_recording(recording, task, settings)? {
+            Ok((timeline, bodies)) => Self::Bodies(timeline, bodies),
+            Err(reason) => Self::None(reason),
         })
     }
 
@@ -411,10 +477,20 @@ impl Motion {
         }
     }
 
+    /// Height of a panel of the width of a frame.
+    fn height(&self) -> f64 {
+        let aspect = match self {
+            Self::Bodies(_, bodies) => bodies.aspect(),
+            Self::None(_) | Self::Pictures(..) => 16.0 / 9.0,
+        };
+        (FRAME_WIDTH / aspect + 24.0).clamp(200.0, 560.0)
+    }
+
     /// What a frame shows of the motion.
     fn panel(&self, frame: usize, agent: u32) -> Option<Panel> {
-        let shown = self.timeline()?.shown_at(frame);
-        let title = format!("agent {agent}, recorded episode {}", shown.episode);
+        let timeline = self.timeline()?;
+        let shown = timeline.shown_at(frame);
+        let title = format!("agent {agent}, {}", timeline.caption(shown));
         Some(match self {
             Self::None(_) => return None,
             Self::Bodies(_, bodies) => Panel::Drawing(bodies.drawing(shown, title, agent)),

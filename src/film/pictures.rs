@@ -3,14 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use rand::RngExt;
-
+use super::episodes::{OTHER_EPISODE, chosen_episodes, differs, reset_streams, seed_after};
 use super::timeline::{Shown, Timeline};
-use super::{FilmError, FilmSettings, SeedsOfEpisodes, evenly_spaced};
+use super::{FilmError, FilmSettings, SeedsOfEpisodes};
 use crate::record::{RecordedEpisode, RecordedStates};
 use seedbed_env::gymnasium::{EnvironmentFailure, GymnasiumTask, PictureSource};
 use seedbed_figure::{Picture, Pixels};
-use seedbed_random::{Purpose, stream};
 
 /// The pictures of a film.
 #[derive(Debug)]
@@ -18,9 +16,6 @@ pub(super) struct Pictures(BTreeMap<Shown, Pixels>);
 
 /// Height of a stored picture in pixels: that of its panel.
 const HEIGHT: u32 = 206;
-
-/// Why an episode cannot be shown.
-const OTHER_EPISODE: &str = "episodes that are played again are others than the recorded ones";
 
 impl Pictures {
     pub(super) fn picture(&self, shown: Shown, title: String) -> Picture {
@@ -44,52 +39,21 @@ pub(super) fn play_again(
             settings.agent
         )));
     }
-    let timeline = Timeline {
-        episodes: episodes
-            .iter()
-            .map(|episode| (episode.episode, episode.length() + 1))
-            .collect(),
-        steps_per_frame: settings.steps_per_frame(&task.spec),
-        frames: settings.frame_count(),
-    };
-    let mut source = PictureSource::new(task);
-    let taken = take(&mut source, &episodes, &timeline, seeds);
-    Ok(taken
-        .map(|pictures| (timeline, pictures))
-        .map_err(|reason| format!("the film shows no pictures of the environment: {reason}")))
+    Ok(of_episodes(&episodes, task, seeds, settings))
 }
 
-/// Recorded episodes of the filmed agent, evenly spaced.
-fn chosen_episodes(
-    recording: &RecordedStates,
+/// Plays episodes again, and takes the pictures that a film shows.
+pub(super) fn of_episodes(
+    episodes: &[RecordedEpisode],
+    task: &GymnasiumTask,
+    seeds: SeedsOfEpisodes,
     settings: FilmSettings,
-) -> Result<Vec<RecordedEpisode>, FilmError> {
-    let mut numbers = Vec::new();
-    for_each_of_agent(recording, settings.agent, |episode| {
-        numbers.push(episode.episode);
-    })?;
-    let numbers = evenly_spaced(numbers, settings.scenes);
-    let mut chosen = Vec::new();
-    for_each_of_agent(recording, settings.agent, |episode| {
-        if numbers.contains(&episode.episode) {
-            chosen.push(episode);
-        }
-    })?;
-    Ok(chosen)
-}
-
-fn for_each_of_agent(
-    recording: &RecordedStates,
-    agent: u32,
-    mut action: impl FnMut(RecordedEpisode),
-) -> Result<(), FilmError> {
-    for episode in recording.episodes()? {
-        let episode = episode?;
-        if episode.agent == agent {
-            action(episode);
-        }
-    }
-    Ok(())
+) -> Result<(Timeline, Pictures), String> {
+    let timeline = settings.timeline(episodes.iter().map(Into::into).collect(), &task.spec);
+    let mut source = PictureSource::new(task);
+    take(&mut source, episodes, &timeline, seeds)
+        .map(|pictures| (timeline, pictures))
+        .map_err(|reason| format!("the film shows no pictures of the environment: {reason}"))
 }
 
 fn take(
@@ -141,24 +105,14 @@ fn take_of_episode(
     Ok(())
 }
 
-/// Begins a recorded episode again. Its seed has the episode's number within its round or, where agents do not wait
-/// for each other, within the run.
+/// Begins a recorded episode again.
 fn begin(
     source: &mut PictureSource,
     episode: &RecordedEpisode,
     seeds: SeedsOfEpisodes,
 ) -> Result<(), String> {
-    let SeedsOfEpisodes {
-        run_seed,
-        episodes_per_round,
-    } = seeds;
-    let seed = |round: u32, number: u32| -> u32 {
-        let mut resets = stream(run_seed, Purpose::Reset, episode.agent, round);
-        (0..number).fold(resets.random(), |_, _| resets.random())
-    };
     let first_state = episode.states().next().unwrap_or_default();
-    let in_round = episode.episode % episodes_per_round.max(1);
-    for seed in [seed(episode.round, in_round), seed(0, episode.episode)] {
+    for seed in reset_streams(episode, seeds).map(seed_after) {
         let observation = source.reset(seed).map_err(|failure| reason(&failure))?;
         if !differs(first_state, observation) {
             return Ok(());
@@ -174,11 +128,6 @@ fn reason(failure: &EnvironmentFailure) -> String {
         .lines()
         .filter(|line| !line.starts_with("    "));
     lines.collect::<Vec<_>>().join("\n")
-}
-
-fn differs(recorded: &[f32], observation: &[f32]) -> bool {
-    let bits = |numbers: &[f32]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-    bits(recorded) != bits(observation)
 }
 
 fn reduced(source: &mut PictureSource) -> Result<Pixels, EnvironmentFailure> {

@@ -4,12 +4,25 @@
 /// episodes, the last seconds are shown, which tell how they end.
 #[derive(Debug)]
 pub(super) struct Timeline {
-    /// Number of each episode, and of its states: `[shown episodes]`, at least one.
-    pub(super) episodes: Vec<(u32, usize)>,
+    /// The episodes, at least one.
+    pub(super) episodes: Vec<ShownEpisode>,
     /// Number of environment steps per frame.
     pub(super) steps_per_frame: f64,
     /// Number of frames.
     pub(super) frames: usize,
+    /// Time between two states, s.
+    pub(super) control_step: f64,
+}
+
+/// An episode whose motion is shown.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct ShownEpisode {
+    /// Number of the episode.
+    pub(super) number: u32,
+    /// Number of its states.
+    pub(super) states: usize,
+    /// Sum of the rewards up to each state: `[states]`; empty if rewards are not known.
+    pub(super) returns: Vec<f64>,
 }
 
 /// What a frame shows.
@@ -17,24 +30,48 @@ pub(super) struct Timeline {
 pub(super) struct Shown {
     /// Index of the episode among those that are shown.
     pub(super) index: usize,
-    /// Number of the episode.
-    pub(super) episode: u32,
     /// State of the episode, from 0.
     pub(super) state: usize,
+}
+
+impl ShownEpisode {
+    /// An episode with these rewards: `[states − 1]`
+    pub(super) fn with_rewards(number: u32, rewards: &[f32]) -> Self {
+        let mut returns = vec![0.0];
+        let mut sum = 0.0;
+        for reward in rewards {
+            sum += f64::from(*reward);
+            returns.push(sum);
+        }
+        Self {
+            number,
+            states: returns.len(),
+            returns,
+        }
+    }
 }
 
 impl Timeline {
     pub(super) fn shown_at(&self, frame: usize) -> Shown {
         let index = self.index_at(frame);
-        let (episode, states) = self.episodes[index];
         let first_frame = |index: usize| (index * self.frames).div_ceil(self.episodes.len());
         let steps = |frames: usize| (frames as f64 * self.steps_per_frame) as usize;
-        let last = states - 1;
+        let last = self.episodes[index].states - 1;
         let start = last.saturating_sub(steps(first_frame(index + 1) - first_frame(index)));
         Shown {
             index,
-            episode,
             state: (start + steps(frame - first_frame(index))).min(last),
+        }
+    }
+
+    /// Number, clock and return of what a frame shows, such as `episode 30: 2.4 s, return 187`.
+    pub(super) fn caption(&self, shown: Shown) -> String {
+        let episode = &self.episodes[shown.index];
+        let seconds = shown.state as f64 * self.control_step;
+        let number = episode.number;
+        match episode.returns.get(shown.state) {
+            Some(sum) => format!("episode {number}: {seconds:.1} s, return {}", short(*sum)),
+            None => format!("episode {number}: {seconds:.1} s"),
         }
     }
 
@@ -43,8 +80,11 @@ impl Timeline {
     pub(super) fn episode_at(&self, frame: usize, last: u32) -> u32 {
         let index = self.index_at(frame);
         let position = (frame + 1) as f64 / self.frames.max(1) as f64;
-        let start = self.episodes[index].0;
-        let end = self.episodes.get(index + 1).map_or(last, |next| next.0);
+        let start = self.episodes[index].number;
+        let end = self
+            .episodes
+            .get(index + 1)
+            .map_or(last, |next| next.number);
         let within = position * self.episodes.len() as f64 - index as f64;
         start + (within.clamp(0.0, 1.0) * f64::from(end.saturating_sub(start))) as u32
     }
@@ -54,21 +94,42 @@ impl Timeline {
     }
 }
 
+/// A sum of rewards with as many decimals as can be read while it changes.
+fn short(sum: f64) -> String {
+    let decimals = usize::from(sum.abs() < 9.95);
+    let text = format!("{sum:.decimals$}");
+    match text.as_str() {
+        "-0.0" => "0.0".to_owned(),
+        _ => text.replace('-', "−"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn episode(number: u32, states: usize) -> ShownEpisode {
+        ShownEpisode {
+            number,
+            states,
+            returns: Vec::new(),
+        }
+    }
 
     /// Two episodes of 3 and 11 states in eight frames, with two steps per frame: the second is longer than its four
     /// frames, so that its last eight steps are shown.
     #[test]
     fn long_episodes_are_shown_at_their_end() {
         let timeline = Timeline {
-            episodes: vec![(0, 3), (9, 11)],
+            episodes: vec![episode(0, 3), episode(9, 11)],
             steps_per_frame: 2.0,
             frames: 8,
+            control_step: 0.1,
         };
-        let states: Vec<_> = (0..8).map(|frame| timeline.shown_at(frame)).collect();
-        let shown = |shown: &Shown| (shown.episode, shown.state);
+        let shown = |frame| {
+            let Shown { index, state } = timeline.shown_at(frame);
+            (timeline.episodes[index].number, state)
+        };
         let expected = [
             (0, 0),
             (0, 2),
@@ -79,11 +140,26 @@ mod tests {
             (9, 6),
             (9, 8),
         ];
-        assert_eq!(states.iter().map(shown).collect::<Vec<_>>(), expected);
+        assert_eq!((0..8).map(shown).collect::<Vec<_>>(), expected);
         // Halfway between the episodes 0 and 9 after two of four frames.
         assert_eq!(
             [1, 3, 7].map(|frame| timeline.episode_at(frame, 20)),
             [4, 9, 20]
         );
+    }
+
+    /// After three steps of 0.2 s with the rewards 4, −6 and 12.
+    #[test]
+    fn captions_have_the_time_and_the_return_so_far() {
+        let timeline = Timeline {
+            episodes: vec![ShownEpisode::with_rewards(7, &[4.0, -6.0, 12.0])],
+            steps_per_frame: 1.0,
+            frames: 4,
+            control_step: 0.2,
+        };
+        let caption = |state| timeline.caption(Shown { index: 0, state });
+        assert_eq!(caption(0), "episode 7: 0.0 s, return 0.0");
+        assert_eq!(caption(2), "episode 7: 0.4 s, return −2.0");
+        assert_eq!(caption(3), "episode 7: 0.6 s, return 10");
     }
 }

@@ -67,6 +67,14 @@ pub enum LoadRunError {
     /// There is no such file or directory.
     #[error("no such file or directory: {0}")]
     Missing(PathBuf),
+    /// A file of another kind.
+    #[error("{} is no recording; expected a run directory, or a file that ends in .rrd{help}", path.display())]
+    NoRecording {
+        /// The file.
+        path: PathBuf,
+        /// What to do with it; empty if that is not known.
+        help: &'static str,
+    },
     /// A file is damaged, or was changed after it was written.
     #[error(transparent)]
     Damaged(#[from] DamagedFile),
@@ -101,6 +109,7 @@ impl LoadedRun {
         if !path.exists() {
             return Err(LoadRunError::Missing(path.to_owned()));
         }
+        check_is_recording(path)?;
         let folder = run_folder(path);
         if !path.is_file() && folder.has_state_files() {
             return Self::of_state_files(folder);
@@ -264,6 +273,24 @@ impl LoadedRun {
     pub fn learners(&self) -> Option<&Learners> {
         self.state_files().map(StateFiles::learners)
     }
+}
+
+/// Refuses a file with the name of another kind of file.
+fn check_is_recording(path: &Path) -> Result<(), LoadRunError> {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    let help = match extension {
+        Some("ron") => "; `seedbed run FILE` trains agents in a scenario",
+        Some("csv" | "json" | "safetensors") => "; give the directory of this file",
+        Some("png" | "svg" | "pdf" | "html" | "gif" | "py" | "md" | "txt") => "",
+        _ => return Ok(()),
+    };
+    if !path.is_file() {
+        return Ok(());
+    }
+    Err(LoadRunError::NoRecording {
+        path: path.to_owned(),
+        help,
+    })
 }
 
 /// The rows of a table; none if the run has no tables.

@@ -46,7 +46,7 @@ pub fn evaluate(
 ///
 /// # Errors
 /// The folder has no checkpoint, or the checkpoint has another version.
-pub(super) fn load_trained(
+pub(crate) fn load_trained(
     folder: &RunFolder,
     action_selection: Option<ActionSelection>,
 ) -> Result<(Plan, Trainer), RunError> {
@@ -76,7 +76,7 @@ pub(super) fn load_trained(
 ///
 /// # Errors
 /// An environment cannot go on.
-pub(super) fn play_episode(
+pub(crate) fn play_episode(
     trainer: &mut Trainer,
     settings: &EvaluationSettings,
     number: u32,

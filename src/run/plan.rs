@@ -8,6 +8,7 @@ use crate::scenario::{self, Scenario, overrides};
 use crate::text::file_stem;
 use seedbed_env::TaskDescription;
 use seedbed_input::{Document, InputError};
+use seedbed_scene::outline;
 
 /// A scenario and its task, read and checked: all that determines the results of a run.
 #[derive(Clone, Debug)]
@@ -39,6 +40,25 @@ impl Plan {
     pub fn of_run(folder: &RunFolder) -> Result<Self, InputError> {
         Checksums::read(folder)?.verify_scenario()?;
         Self::load(&folder.scenario_file(), &[])
+    }
+
+    /// The outlines of bodies of the task that never move, m: `[lines]` of `[points]`; none if the task has no bodies.
+    #[must_use]
+    pub fn walls(&self) -> Vec<Vec<[f32; 2]>> {
+        let shapes = self.fixed_shapes().into_iter();
+        shapes.map(|(points, _)| points).collect()
+    }
+
+    /// The shapes of bodies of the task that never move, as of [`outline::fixed_shapes`]; none if the task has no bodies.
+    #[must_use]
+    pub fn fixed_shapes(&self) -> Vec<(Vec<[f32; 2]>, Option<f32>)> {
+        if self.description.gymnasium().is_some() {
+            return Vec::new();
+        }
+        let environment = seedbed_env::build(&self.description, self.scenario.physics, 1);
+        environment.map_or(Vec::new(), |environment| {
+            outline::fixed_shapes(&*environment)
+        })
     }
 
     /// Text of the scenario in the folder of a run, which names the copy of the task in this folder.

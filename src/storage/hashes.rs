@@ -9,6 +9,14 @@ use seedbed_input::limits::open_regular;
 
 pub(crate) use seedbed_settings::sha256;
 
+/// Number of digits of a digest in names of files.
+const SHOWN_DIGITS: usize = 16;
+
+/// The digits of a digest in names of files.
+pub(crate) fn shown_digits(digest: &str) -> &str {
+    digest.get(..SHOWN_DIGITS).unwrap_or(digest)
+}
+
 /// The SHA-256 of the bytes of a file.
 ///
 /// # Errors

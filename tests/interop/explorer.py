@@ -24,10 +24,19 @@ from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver.support.select import Select
 from selenium.webdriver.support.wait import WebDriverWait
 
 PICTURE = Path(__file__).parent / "explorer.png"
 MAX_LEVEL = 65534
+# The context of a copy of a canvas, because browsers warn of pages that read their own canvases often.
+READ_CANVAS = """globalThis.contextOf = (canvas) => {
+    const { width, height } = canvas, copy = Object.assign(document.createElement("canvas"), { width, height });
+    const context = copy.getContext("2d", { willReadFrequently: true });
+    context.drawImage(canvas, 0, 0);
+    return context;
+};"""
 
 
 def start_browser() -> webdriver.Chrome:
@@ -45,11 +54,12 @@ def start_browser() -> webdriver.Chrome:
 class Page:
     """An opened page."""
 
-    def __init__(self, browser: webdriver.Chrome, path: Path):
+    def __init__(self, browser: webdriver.Chrome, path: Path, address: str = ""):
         self.browser = browser
         browser.get("about:blank")
-        browser.get(path.as_uri())
+        browser.get(f"{path.as_uri()}#{address}" if address else path.as_uri())
         WebDriverWait(browser, 60).until(lambda _: self.run("return document.documentElement.dataset.ready"))
+        self.run(READ_CANVAS)
 
     def run(self, script: str, *arguments: object) -> object:
         return self.browser.execute_script(script, *arguments)
@@ -57,6 +67,12 @@ class Page:
     def show(self, address: str) -> None:
         """Shows the view after # in an address."""
         self.run("fromHash(explorer, arguments[0]); explorer.draw();", address)
+
+    def find(self, selector: str) -> WebElement:
+        return self.browser.find_element(By.CSS_SELECTOR, selector)
+
+    def press(self, *keys: str) -> None:
+        ActionChains(self.browser).send_keys(*keys).perform()
 
     def counts(self, panel: int = 0) -> list[int]:
         """Numbers of selected states, all states, episodes, terminated episodes and agents, as shown."""
@@ -204,9 +220,9 @@ def check_touch(page: Page) -> None:
 def check_keyboard(page: Page) -> None:
     """Every control is reached by Tab and works by keys."""
     page.show("")
-    press = lambda *keys: ActionChains(page.browser).send_keys(*keys).perform()
+    press = page.press
     everything = page.counts()
-    page.run("document.activeElement.blur(); scrollTo(0, 0);")
+    page.run("document.querySelectorAll('details').forEach((menu) => (menu.open = false)); document.activeElement.blur(); scrollTo(0, 0);")
     reached = set()
     for _ in range(200):
         press(Keys.TAB)
@@ -214,7 +230,11 @@ def check_keyboard(page: Page) -> None:
         if name in reached:
             break
         reached.add(name)
-    controls = {"color", "clear", "copy-link", "copy-command", "save-png", "save-svg", "theme", "Axes", "Help", "all-agents", "agent-list", "play", "from", "to"}
+    controls = {
+        "color", "clear", "theme", "Axes", "Share", "Help", "all-agents", "agent-list", "play", "from", "to", "Type a range",
+        "Horizontal axis of the scatter plot", "Vertical axis of the scatter plot", "Scatter plot per agent",
+        "Filmed episode", "Play the film", "Step of the filmed episode",
+    }
     axes = page.run("return explorer.view.axes.map((a) => axisTitle(explorer.axes[a]))")
     handles = {f"{axis}, {end} end" for axis in axes for end in ("lower", "upper")}
     chips = {name for name in reached if name.startswith("agent ")}
@@ -222,6 +242,13 @@ def check_keyboard(page: Page) -> None:
     assert len(chips) == page.run("return explorer.agentCount"), chips
 
     focus = lambda selector: page.run("document.querySelector(arguments[0]).focus()", selector)
+    focus("details:has(#copy-link) summary")
+    press(Keys.ENTER)
+    for name in ("copy-link", "copy-command", "save-png", "save-svg"):
+        press(Keys.TAB)
+        assert page.run("return document.activeElement.id") == name
+    press(Keys.ESCAPE)
+    assert page.run("return [document.querySelectorAll('details[open]').length, document.activeElement.textContent]") == [0, "Share"]
     focus(f'.handle[aria-label="{axes[1]}, lower end"]')
     press(*[Keys.ARROW_UP] * 60)
     page.run("explorer.draw()")
@@ -266,18 +293,238 @@ def check_files(page: Page) -> None:
 
 
 def check_film(page: Page) -> None:
-    """The pointer shows the filmed state that is nearest."""
+    """The pointer shows the filmed state that is nearest, a menu and a slider choose one, and films are played."""
     page.show("")
-    caption = lambda: page.browser.find_element(By.CSS_SELECTOR, "figcaption").text
-    canvas = page.browser.find_element(By.CSS_SELECTOR, ".plot canvas")
+    shown = lambda: page.run("const { state, filmed } = explorer.panels[0].player; return [filmed.agent, filmed.episode, state - filmed.first]")
+    canvas = page.find(".plot canvas")
     seen = set()
     for share in (-0.3, 0.0, 0.25):
         ActionChains(page.browser).move_to_element_with_offset(canvas, -150, int(share * canvas.size["height"])).perform()
-        page.run("explorer.draw()")
-        seen.add(caption())
-    assert len(seen) >= 2 and all("agent 0, episode" in text for text in seen), seen
-    drawn = page.run("const c = document.querySelector('.scene'); return c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some((value) => value > 0)")
-    assert drawn, "the scene is not empty"
+        seen.add(tuple(shown()))
+    assert len(seen) >= 2, seen
+    is_drawn = lambda selector: page.run("const c = document.querySelector(arguments[0]); return contextOf(c).getImageData(0, 0, c.width, c.height).data.some((value) => value > 0)", selector)
+    assert is_drawn(".scene") and is_drawn(".plot .mark") and is_drawn(".pair .mark"), "the scene, the line and the dot are not empty"
+
+    episodes = page.run("return explorer.runs[0].film.episodes")
+    menu = Select(page.find(".filmed"))
+    assert len(menu.options) == len(episodes) >= 2
+    menu.select_by_index(len(episodes) - 1)
+    last = episodes[-1]
+    assert shown() == [last["agent"], last["episode"], 0], shown()
+    page.run("const slider = document.querySelector('.step'); slider.value = 7; slider.oninput();")
+    assert shown()[2] == 7 and page.find(".film output").text == f"step 7 of {last['count'] - 1}"
+    # The dot is where the state is.
+    axes = page.run("return explorer.view.scatter")
+    x, y = (page.run("return explorer.runs[0].film.levels[arguments[0]][arguments[1]]", a, last["first"] + 7) / MAX_LEVEL for a in axes)
+    color = page.run("""
+        const { scatter, app } = explorer.panels[0], [plot] = scatter.plots;
+        const data = contextOf(scatter.mark).getImageData(plot.left + arguments[0] * plot.width, plot.top + (1 - arguments[1]) * plot.height, 1, 1).data;
+        return [[...data].slice(0, 3), agentColor(app.theme, arguments[2])];""", x, y, last["agent"])
+    assert color[0] == color[1], color
+    longest = max(range(len(episodes)), key=lambda f: episodes[f]["count"])
+    menu.select_by_index(longest)
+    button, end = page.find(".play-film"), episodes[longest]["count"] - 1
+    assert end > 50
+    page.run("arguments[0].click()", button)
+    WebDriverWait(page.browser, 60, 0.05).until(lambda _: shown()[2] > 2)
+    assert button.text == "Pause"
+    page.run("arguments[0].click()", button)
+    paused = shown()
+    page.browser.execute_async_script("setTimeout(arguments[0], 200)")
+    assert shown() == paused and 2 < paused[2] < end and button.text == "Play", paused
+    page.run("explorer.panels[0].player.show(arguments[0]); arguments[1].click()", episodes[longest]["first"] + end - 3, button)
+    WebDriverWait(page.browser, 60).until(lambda _: shown()[2] == end and button.text == "Play")
+
+
+def check_films(browser: webdriver.Chrome, seedbed: str, folder: Path) -> None:
+    """The films of all agents can be chosen. The fixed bodies of a task are behind states on its coordinates, and only there."""
+    run = folder / "corridors"
+    settings = ["stop=Episodes(2)", "agents.count=2", "recording.scene.agents=[0,1]", "recording.scene.every=1"]
+    subprocess.run([seedbed, "run", "corridors", *(word for setting in settings for word in ("--set", setting)), "--out", run], check=True, capture_output=True)
+    page = Page(browser, write_page(seedbed, folder / "corridors.html", run))
+    titles = [option.text for option in Select(page.find(".filmed")).options]
+    assert {title.split(", return")[0] for title in titles} == {f"agent {agent}, episode {episode}" for agent in (0, 1) for episode in (0, 1)}, titles
+    names = lambda: page.run("return explorer.view.scatter.map((a) => axisTitle(explorer.axes[a]))")
+    assert names() == ["x (m)", "y (m)"]
+    plots = "explorer.draw(); const { scatter } = explorer.panels[0], [x, y] = explorer.view.scatter.map((a) => explorer.axes[a]); const { left, top, width, height } = scatter.plots[0];"
+    # The middle of the triangle between the corridors to the east and to the northeast is a wall, the corridor to the east is none.
+    pixels = plots + """
+        const at = (px, py) => [...contextOf(scatter.canvas).getImageData(left + (px - x.low) / (x.high - x.low) * width, top + (y.high - py) / (y.high - y.low) * height, 1, 1).data];
+        return [at(4, 1.8)[3], at(5.9, 0.3)[3], width / (x.high - x.low), height / (y.high - y.low)];"""
+    wall, corridor, *scales = page.run(pixels)
+    assert wall == 255 and corridor == 0 and abs(scales[0] - scales[1]) < 1e-6, (wall, corridor, scales)
+    page.show("scatter=y,x")
+    assert page.run(plots + "return scatter.scenery().length") == 0
+    assert page.errors() == [], page.errors()
+
+
+def pairs_of_bins(axes: list[dict], columns: list[np.ndarray], is_selected: np.ndarray) -> dict[tuple[int, int], np.ndarray]:
+    """Indices of the selected states per pair of bins of two axes."""
+    bins = []
+    for axis, column in zip(axes, columns):
+        share = (column[is_selected].astype(np.float64) - axis["low"]) / (axis["high"] - axis["low"])
+        bins.append(np.floor(np.clip(share, 0, 1) * MAX_LEVEL + 0.5).astype(int) * 96 >> 16)
+    pairs: dict[tuple[int, int], list[int]] = {}
+    for index, *pair in zip(np.flatnonzero(is_selected).tolist(), *(bin.tolist() for bin in bins)):
+        pairs.setdefault(tuple(pair), []).append(index)
+    return {pair: np.array(indices) for pair, indices in pairs.items()}
+
+
+def check_scatter(page: Page, states: dict[str, np.ndarray]) -> None:
+    """Menus choose the axes; each plot has the bins of exported states, and one per agent those of the agent."""
+    page.show("")
+    axes = page.run("return explorer.axes")
+    names = [axis["name"] for axis in axes]
+    assert page.run("return explorer.view.scatter") == [0, 1], "the first two observations"
+    for selector, name in ((".pair .x", "theta"), (".pair .y", "theta_dot")):
+        Select(page.find(selector)).select_by_value(str(names.index(name)))
+    page.find(".each input").click()
+    page.run("explorer.draw()")
+    address = page.run("return toHash(explorer)")
+    assert address == "scatter=theta,theta_dot&per=agent", address
+    pixels = """explorer.draw(); return explorer.panels[0].scatter.plots.map(({ agent, count, image }) => {
+        const { data } = contextOf(image).getImageData(0, 0, 96, 96), pairs = [];
+        for (let i = 0; i < 96 * 96; i++) if (data[4 * i + 3]) pairs.push([i % 96, 95 - Math.floor(i / 96)]);
+        return [agent, count, pairs]; });"""
+    pair = [axes[names.index(name)] for name in ("theta", "theta_dot")]
+    page.show(f"{address}&brush=theta:-0.1:0.1,theta_dot:-1:&agents=0-2&episodes=3-40")
+    plots = page.run(pixels)
+    assert [agent for agent, _, _ in plots] == [0, 1, 2]
+    selected = (states["theta"] >= -0.1) & (states["theta"] <= 0.1) & (states["theta_dot"] >= -1)
+    context = (states["episode"] >= 3) & (states["episode"] <= 40)
+    for agent, count, pairs in plots:
+        of_agent = context & (states["agent"] == agent)
+        assert count == int((of_agent & selected).sum()) > 0, (agent, count)
+        assert {tuple(bins) for bins in pairs} == set(pairs_of_bins(pair, [states["theta"], states["theta_dot"]], of_agent)), agent
+    for color in ("agent", "outcome", "difference"):
+        page.show(f"{address}&color={color}")
+        assert len(page.run(pixels)) == len(set(states["agent"].tolist())), color
+    page.show("scatter=theta,theta_dot")
+    [[agent, count, pairs]] = page.run(pixels)
+    assert (agent, count) == (None, len(states["theta"]))
+    page.show("")
+    assert page.run("return toHash(explorer)") == ""
+
+
+def check_colors(page: Page, states: dict[str, np.ndarray]) -> None:
+    """Outcomes have a color each. The color of an episode is that of the mean, so that early episodes are not hidden."""
+    page.show("color=outcome")
+    outcomes = {(int(agent), int(episode)): outcome for agent, episode, outcome in zip(states["agent"], states["episode"], states["outcome"].tolist())}
+    classes = page.run("""
+        const [run] = explorer.runs, { agent, episode } = run.episodes, { classes } = classesOf(run, explorer.view, explorer.theme);
+        return Array.from(classes, (index, e) => [agent[e], episode[e], ["terminated", "truncated"][index]]);""")
+    assert {(agent, episode): name for agent, episode, name in classes} == outcomes and len(set(outcomes.values())) == 2
+    assert "terminated" in page.find("#key").text and "truncated" in page.find("#key").text
+    assert "--color outcome" in page.run("return toCommand(explorer)")
+    page.show("color=episode&scatter=x,theta")
+    axes = page.run("return explorer.view.scatter.map((a) => explorer.axes[a])")
+    pairs = pairs_of_bins(axes, [states["x"], states["theta"]], np.ones(len(states["x"]), dtype=bool))
+    spread = max(pairs, key=lambda pair: np.ptp(states["episode"][pairs[pair]]))
+    last = int(states["episode"].max())
+    mean = states["episode"][pairs[spread]].mean() / last
+    color, expected = page.run("""
+        const panel = explorer.panels[0], [bin, other, mean] = arguments;
+        return [panel.painter.colorsOfPairs(...explorer.view.scatter, panel.drawn)[96 * bin + other], explorer.theme.sequentialTable[Math.round(255 * mean)]];""", *spread, mean)
+    assert np.ptp(states["episode"][pairs[spread]]) > last / 2 and np.abs(np.array(color) - expected).max() < 3, (color, expected)
+
+
+def check_typed_ranges(page: Page, states: dict[str, np.ndarray]) -> None:
+    """Ranges are typed, changed and removed; a range without values is refused."""
+    page.show("")
+    everything = page.counts()
+    axes = page.run("return explorer.axes.map((axis) => axis.name)")
+    brush = lambda: page.run("explorer.draw(); return explorer.view.brushes[arguments[0]]", axes.index("theta"))
+    written = lambda low, high: page.run("return brushOf(explorer.axes[arguments[0]], arguments[1] ?? -Infinity, arguments[2])", axes.index("theta"), low, high)
+    agents, last = sorted(set(states["agent"].tolist())), int(states["episode"].max())
+    canvas = page.find(".plot canvas")
+    theta = page.run("return explorer.view.axes.findIndex((a) => explorer.axes[a].name === 'theta')")
+    x = page.run("return explorer.panels[0].x(arguments[0])", theta) - canvas.size["width"] / 2
+    title = 30 - canvas.size["height"] / 2
+    ActionChains(page.browser).move_to_element_with_offset(canvas, int(x), int(title)).double_click().perform()
+    assert page.run("return document.activeElement.getAttribute('aria-label')") == "theta (rad), from"
+    page.press("-0.05", Keys.TAB, "0.1", Keys.ENTER)
+    assert brush() == written(-0.05, 0.1) and 0 < page.counts()[0] < everything[0], brush()
+    inputs = lambda: page.run("return Array.from(document.querySelectorAll('#ranges input'), ({ value }) => value)")
+    assert inputs() == ["-0.05", "0.1"], inputs()
+    page.find("#ranges input").clear()
+    page.press(Keys.TAB)
+    assert brush() == written(None, 0.1), "an empty number is the end of the axis"
+    page.run("document.querySelector('#ranges input').focus()")
+    page.press("0.2", Keys.TAB)
+    assert brush() == written(None, 0.1), "a range without values changes nothing"
+    assert page.run("return document.querySelectorAll('#ranges :invalid').length") == 1
+    page.find("#ranges button").click()
+    page.run("explorer.draw()")
+    assert page.counts() == everything and inputs() == []
+    # Enter on an axis, and the menu.
+    page.run("document.querySelector('.handle[aria-label=\"step, upper end\"]').focus()")
+    page.press(Keys.ENTER)
+    page.press("3", Keys.TAB, "5", Keys.TAB)
+    page.run("explorer.draw()")
+    assert page.counts() == expected_counts(states, [("step", 3, 5)], agents, (0, last))
+    page.find("#add-range summary").click()
+    page.find("#add-range button").click()
+    page.run("document.activeElement.blur(); explorer.draw()")
+    assert inputs() == ["3", "5"], "a range without numbers is not kept"
+    # Ranges that were dragged are in the list, too.
+    page.run("explorer.setBrush(0, [20000, 30000]); explorer.draw();")
+    low, high, *_ = inputs()
+    assert page.run("return brushOf(explorer.axes[0], arguments[0], arguments[1])", float(low), float(high)) == [20000, 30000], (low, high)
+    page.show("")
+
+
+def check_hint(browser: webdriver.Chrome, path: Path) -> None:
+    """A hint says what to do until there is a range, in words for a finger on touch screens."""
+    hint = lambda page: [element.text for element in page.browser.find_elements(By.CSS_SELECTOR, ".hint")]
+    page = Page(browser, path)
+    assert hint(page) == ["Drag along an axis to select states"], hint(page)
+    page.run("explorer.setBrush(0, [20000, 30000]); explorer.draw(); explorer.setBrush(0, null); explorer.draw();")
+    assert hint(page) == []
+    for address in ("brush=theta:0:", "agents=0", "episodes=0-3"):
+        assert hint(Page(browser, path, address)) == [], address
+    assert len(hint(Page(browser, path, "color=agent"))) == 1
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True})
+    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 1})
+    touched = hint(Page(browser, path))
+    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    assert touched == ["Slide a finger along an axis to select states"], touched
+
+
+def check_layout(browser: webdriver.Chrome, path: Path) -> None:
+    """The panels of a run fill the window; on a phone nothing is beyond its edge, and titles of axes do not touch."""
+    boxes = """
+        const box = (selector) => { const { left, top, right, bottom } = document.querySelector(selector).getBoundingClientRect(); return [left, top, right, bottom]; };
+        return [[".plot", ".pair", ".film"].map(box), box("header"), box("footer"), document.documentElement.scrollWidth, document.documentElement.scrollHeight];"""
+    for width, height in ((1440, 900), (1920, 1080), (390, 844)):
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500})
+        page = Page(browser, path)
+        panels, header, footer, page_width, page_height = page.run(boxes)
+        sizes = [(right - left) * (bottom - top) for left, top, right, bottom in panels]
+        assert page_width == width, (width, page_width)
+        if width > 1000:
+            assert page_height == height == footer[3], (height, page_height, footer)
+            room = width * (footer[1] - header[3])
+            assert sum(sizes) > 0.85 * room and min(sizes) > 0.15 * room, (width, sizes, room)
+            continue
+        assert all(left >= 0 and right <= width and right - left > 0.9 * width for left, _, right, _ in panels), panels
+        beyond = page.run("""
+            return [...document.querySelectorAll("header button, header select, header input, header summary, figcaption *, footer summary")]
+                .filter((element) => { const { left, right } = element.getBoundingClientRect(); return right > innerWidth || left < 0; }).map((element) => element.outerHTML);""")
+        assert beyond == [], beyond
+        titles = page.run("""
+            const panel = explorer.panels[0], titles = [], pen = document.createElement("canvas").getContext("2d");
+            panel.drawOn({ image() {}, line() {}, box() {}, text(text, x, y, _color, size, _align, maxWidth) {
+                pen.font = `${size}px system-ui, sans-serif`;
+                const natural = pen.measureText(text).width, width = Math.min(natural, maxWidth);
+                if (size === 12) titles.push([x - width / 2, x + width / 2, y, width / natural]);
+            } }, explorer.theme);
+            return titles;""")
+        assert min(squeezed for *_, squeezed in titles) > 0.75, titles
+        for row in {y for _, _, y, _ in titles}:
+            ends = [(left, right) for left, right, y, _ in titles if y == row]
+            assert all(right <= left for (_, right), (left, _) in zip(ends, ends[1:])), (row, ends)
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def check_picture(page: Page, update: bool) -> None:
@@ -378,7 +625,8 @@ def check_report(browser: webdriver.Chrome, seedbed: str, folder: Path) -> None:
         return [panels.map((panel) => panel.run.name), panels.map((panel) => panel.run.agents), sums(), all];""")
     assert (runs, agents) == (["K 2", "K 3"], [2, 3]), (runs, agents)
     assert all(0 < some < every for some, every in zip(selected, all_states)), (selected, all_states)
-    assert not browser.find_element(By.ID, "copy-link").is_displayed(), "a frame has no address of its own"
+    assert browser.find_element(By.ID, "copy-link").get_property("hidden"), "a frame has no address of its own"
+    assert browser.execute_script("return [explorer.colors().includes('outcome'), explorer.panels[0].scatter.plots.length]") == [False, 1]
     browser.switch_to.default_content()
     assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
 
@@ -403,8 +651,15 @@ def main() -> None:
             check_keyboard(page)
             check_files(page)
             check_film(page)
+            check_scatter(page, states)
+            check_colors(page, states)
+            check_typed_ranges(page, states)
             check_picture(page, update)
-            assert page.errors() == [], page.errors()
+            errors = page.errors()
+            assert errors == [], errors
+            check_hint(browser, path)
+            check_layout(browser, path)
+            check_films(browser, seedbed, folder)
             check_two_runs(browser, seedbed, run, folder)
             check_hostile_names(browser, seedbed, folder)
             check_report(browser, seedbed, folder)

@@ -165,7 +165,7 @@ fn each_heavy_crate_is_used_in_one_folder_only() {
 /// layers.
 const LAYERS: [&[&str]; 12] = [
     &["input_files", "plotting", "provenance", "storage", "text"],
-    &["scenario"],
+    &["run_log", "scenario"],
     &["open_loop", "run"],
     &["record"],
     &["review"],

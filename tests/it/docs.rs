@@ -50,11 +50,12 @@ fn copy_to(paths: &[&str], folder: &Path) {
 }
 
 /// Runs all commands of a page in one shell, in a directory with the files of the repository that
-/// commands name.
-fn run_commands(page: &str, at_least: usize) {
+/// commands name. Returns that directory.
+fn run_commands(page: &str, at_least: usize) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     copy_to(&["envs", "scenarios"], folder.path());
     // Without the runs and studies that this checkout may have made.
+    copy_to(&["docs/gallery/teams.ron"], folder.path());
     let recordings = folder.path().join("recordings");
     std::fs::create_dir(&recordings).unwrap();
     copy_to(&["recordings/README.md", "recordings/sample"], &recordings);
@@ -74,6 +75,34 @@ fn run_commands(page: &str, at_least: usize) {
         stdout(&output),
         stderr(&output)
     );
+    folder
+}
+
+fn is_svg(name: &str) -> bool {
+    Path::new(name)
+        .extension()
+        .is_some_and(|found| found == "svg")
+}
+
+/// The commands of the gallery draw its pictures, and the page shows all of them.
+#[test]
+fn pictures_of_the_gallery_are_those_of_its_commands() {
+    let page = "docs/gallery.md";
+    let drawn = run_commands(page, 12);
+    let text = fs::read_to_string(Path::new(REPOSITORY).join(page)).unwrap();
+    let shown = text.split("](gallery/").skip(1);
+    let shown = shown.filter_map(|rest| rest.split_once(')').map(|(name, _)| name));
+    let pictures: Vec<&str> = shown.filter(|name| is_svg(name)).collect();
+    assert!(pictures.len() > 10, "{pictures:?}");
+    for picture in pictures {
+        let of_study = drawn.path().join("recordings/teams/figures").join(picture);
+        let path = [drawn.path().join(picture), of_study]
+            .into_iter()
+            .find(|path| path.is_file());
+        let text = fs::read_to_string(path.expect(picture)).unwrap();
+        let stored = Path::new(REPOSITORY).join("docs/gallery").join(picture);
+        expect_test::expect_file![stored].assert_eq(&text);
+    }
 }
 
 #[test]

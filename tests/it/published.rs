@@ -99,9 +99,9 @@ fn tables_of_published_results_follow_from_their_rows() {
         let output = seedbed(&["report", copy.path().to_str().unwrap()]);
         assert!(output.status.success(), "{}: {output:?}", folder.display());
         assert!(copy.path().join("tables.md").is_file());
-        for file in ["claims.md", "tables.md"] {
+        for file in ["claims.md", "claims.svg", "tables.md"] {
             let (computed, published) = (copy.path().join(file), folder.join(file));
-            // A study without claims has no table of them.
+            // A study without claims has no table and no figure of them.
             assert_eq!(computed.is_file(), published.is_file(), "{file}");
             if computed.is_file() {
                 let computed = fs::read_to_string(computed).unwrap();

@@ -9,7 +9,7 @@ use seedbed::review::selection::EpisodeSelection;
 use seedbed::run::facts::EpisodeRow;
 
 use super::state_files::{file_of_states, write_file};
-use super::util::{REPOSITORY, command, run_refused, run_successful, small_run, stderr};
+use super::util::{REPOSITORY, command, run_refused, run_successful, seedbed, small_run, stderr};
 
 const SAMPLE: &str = "recordings/sample/run.rrd";
 
@@ -247,7 +247,10 @@ fn inspect_and_plot_work_without_a_recording() {
         run_successful(&["plot", run, "--what", "returns,curves", "--out", &figure])
             .starts_with(&format!("{figure}: "))
     );
-    let error = run_refused(&["plot", run]);
+    let output = seedbed(&["plot", run]);
+    let note = "note: only returns and curves are drawn, because ";
+    assert!(output.status.success() && stderr(&output).starts_with(note));
+    let error = run_refused(&["plot", run, "--what", "visitation"]);
     let expected = "has no recording, which is needed to draw states; use --what returns,curves, which needs only the tables\n";
     assert!(error.ends_with(expected), "{error}");
 }

@@ -26,6 +26,8 @@ pub(crate) const RESULT_FILES: [&str; 4] = [
 pub(crate) fn command(arguments: &[impl AsRef<OsStr>]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_seedbed"));
     command.args(arguments).current_dir(REPOSITORY);
+    // Without a log of the runs that tests make with files of the repository.
+    command.env("SEEDBED_RUN_LOG", "");
     command
 }
 

@@ -27,6 +27,7 @@ pub(super) fn site() -> Result<(), String> {
         "SUMMARY.md",
         "examples.md",
         "site.css",
+        "accessibility.js",
         "sortable_tables.js",
     ] {
         let to = if is_page(name) { &pages } else { &folder };

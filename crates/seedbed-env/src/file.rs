@@ -26,7 +26,7 @@ use seedbed_settings::Settings;
 use serde::Deserialize;
 
 pub use actuators::{ActuatorKind, ForceFrame};
-pub use checked::{Direction, Name, Vector, WholeNumbers};
+pub use checked::{Direction, HexColor, Name, Vector, WholeNumbers};
 pub use extends::{FieldPlace, find_field};
 pub use markers::Marker;
 pub use sensors::{Axis, SensorKind};
@@ -186,6 +186,9 @@ pub struct Body {
     /// Forces on the body, given by formulas.
     #[serde(default, deserialize_with = "short_list")]
     pub forces: Vec<Force>,
+    /// Color in which the body is drawn; by default that of the agent, or a dark one for every second body.
+    #[serde(default)]
+    pub color: Option<HexColor>,
     /// Offset between where the body is and where it is drawn.
     #[serde(default, rename = "drawn")]
     pub display_offset: Option<DisplayOffset>,

@@ -431,6 +431,8 @@ pub struct SceneBody {
     pub name: String,
     /// Whether the body never moves.
     pub is_fixed: bool,
+    /// Red, green and blue, if the task gives them.
+    pub color: Option<[u8; 3]>,
     /// Shapes in the body's own frame.
     pub shapes: Vec<Shape>,
     /// Position of the hinge about which the body turns, in the body's frame, m.

@@ -3,8 +3,6 @@
 //!
 //! Series with the same index have similar hues on both backgrounds.
 
-use super::scale::log_position;
-
 pub mod dark;
 #[cfg(test)]
 mod vision;
@@ -51,6 +49,14 @@ pub fn categorical_color(index: u32) -> Color {
     }
 }
 
+/// The color of a curve or a dot of its own, by its number: the colors of [`categorical_color`], first those that are easily seen
+/// on white, in an order in which the first ones differ most.
+#[must_use]
+pub fn series_color(number: usize) -> Color {
+    const ORDER: [u32; HUES.len()] = [1, 0, 2, 3, 5, 4, 6, 7];
+    categorical_color(ORDER[number % HUES.len()] + (number / HUES.len() * HUES.len()) as u32)
+}
+
 /// The difference of any two of these colors is at least 20 (CIEDE2000), with normal vision and with
 /// each of the three kinds of color blindness; so is their difference from [`TEAM_COLOR`] with normal
 /// vision. Found by a random search.
@@ -72,17 +78,6 @@ pub fn sequential_color(share: f64) -> Color {
     interpolate(&VIRIDIS, 0.9 * share.clamp(0.0, 1.0))
 }
 
-/// The color of a count on white, on a logarithmic scale: white for 0, pale for 1, dark for
-/// `max_count` or more.
-#[must_use]
-pub fn count_color(count: u32, max_count: u32) -> Color {
-    if count == 0 {
-        [255; 3]
-    } else {
-        density_color(log_position(f64::from(count), max_count))
-    }
-}
-
 /// The color of a density on white, from 0 (pale) to 1 (dark): Magma, reversed.
 #[must_use]
 pub fn density_color(share: f64) -> Color {
@@ -102,6 +97,16 @@ pub fn difference_color(difference: f64) -> Color {
         mix([255; 3], middle, share)
     } else {
         mix(middle, end, share - 1.0)
+    }
+}
+
+/// The amount of light, 0 to 1, of a channel of sRGB.
+pub(super) fn linear(channel: u8) -> f64 {
+    let share = f64::from(channel) / 255.0;
+    if share <= 0.04045 {
+        share / 12.92
+    } else {
+        ((share + 0.055) / 1.055).powf(2.4)
     }
 }
 
@@ -149,8 +154,18 @@ fn interpolate(stops: &Stops, share: f64) -> Color {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+
+    /// Contrast of WCAG 2.1: (L + 0.05) / (l + 0.05) with the relative luminances of the lighter and the darker color.
+    pub(in super::super) fn contrast(one: Color, other: Color) -> f64 {
+        let luminance = |color: Color| {
+            let [red, green, blue] = color.map(linear);
+            0.2126 * red + 0.7152 * green + 0.0722 * blue
+        };
+        let [one, other] = [one, other].map(luminance);
+        (one.max(other) + 0.05) / (one.min(other) + 0.05)
+    }
 
     /// Relative luminance, approximately.
     fn luminance([red, green, blue]: Color) -> f64 {
@@ -197,6 +212,19 @@ mod tests {
         }
     }
 
+    /// Graphics need a contrast of 3.
+    #[test]
+    fn the_first_series_are_easily_seen_on_white() {
+        for number in 0..5 {
+            let contrast = contrast(series_color(number), [255; 3]);
+            assert!(contrast > 3.0, "series {number}: {contrast}");
+        }
+        let mut all: Vec<Color> = (0..24).map(series_color).collect();
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), 24);
+    }
+
     #[test]
     fn color_maps_are_monotonic_in_luminance() {
         let shares = || (0..=100).map(|percent| f64::from(percent) / 100.0);
@@ -221,14 +249,5 @@ mod tests {
             [190, 80, 0],
         ];
         assert_eq!(colors, expected);
-    }
-
-    /// 10 of 100 is half way on a logarithmic scale.
-    #[test]
-    fn count_colors_are_logarithmic() {
-        assert_eq!(count_color(0, 100), [255; 3]);
-        assert_eq!(count_color(10, 100), density_color(0.5));
-        assert_eq!(count_color(100, 100), density_color(1.0));
-        assert_eq!(count_color(1, 1), density_color(0.0));
     }
 }

@@ -26,7 +26,9 @@ pub struct Curves {
     pub y_range: Option<[f64; 2]>,
     /// Ticks of the x axis with their labels [default: round values].
     pub x_ticks: Vec<(f64, String)>,
-    /// Whether the y axis is logarithmic; all values must be above 0.
+    /// Whether the x axis is logarithmic. Points at 0 or below are left out. The axis is linear if no point is above 0.
+    pub x_logarithmic: bool,
+    /// Whether the y axis is logarithmic. Curves have gaps at values of 0 or below. The axis is linear if no value is above 0.
     pub y_logarithmic: bool,
     /// Whether to draw a legend. It is drawn in a part of the panel without curves, or to the right
     /// of the panel if there is no such part.
@@ -143,6 +145,38 @@ impl Curves {
     }
 
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
+        if self.x_logarithmic || self.y_logarithmic {
+            self.above_zero().draw_drawable(panel, svg);
+        } else {
+            self.draw_drawable(panel, svg);
+        }
+    }
+
+    /// The curves without what has no place on logarithmic axes.
+    fn above_zero(&self) -> Self {
+        let mut drawable = self.clone();
+        let points = || self.series.iter().flat_map(|series| &series.points);
+        let [has_x, has_y] = [0, 1].map(|axis| points().any(|point| point[axis] > 0.0));
+        drawable.x_logarithmic &= has_x;
+        drawable.y_logarithmic &= has_y;
+        if drawable.x_logarithmic {
+            for series in &mut drawable.series {
+                series.points.retain(|point| point[0] > 0.0);
+                if let Some(band) = &mut series.band {
+                    band.retain(|part| part[0] > 0.0);
+                }
+            }
+        }
+        if drawable.y_logarithmic {
+            drawable.series.iter_mut().for_each(Series::leave_out_zero);
+            drawable
+                .thresholds
+                .retain(|threshold| threshold.value > 0.0);
+        }
+        drawable
+    }
+
+    fn draw_drawable(&self, panel: &Rect, svg: &mut SvgWriter) {
         let axes = PanelAxes {
             title: &self.title,
             x_label: &self.x_label,
@@ -150,7 +184,7 @@ impl Curves {
             x_range: self.x_extent(),
             y_range: self.y_extent(),
             x_ticks: &self.x_ticks,
-            y_logarithmic: self.y_logarithmic,
+            logarithmic: [self.x_logarithmic, self.y_logarithmic],
             has_grid: true,
         };
         let entries = self.legend_entries();
@@ -208,6 +242,23 @@ impl Curves {
 }
 
 impl Series {
+    /// Makes gaps where values are 0 or below, and opens bands that reach 0.
+    fn leave_out_zero(&mut self) {
+        for point in &mut self.points {
+            if point[1] <= 0.0 {
+                point[1] = f64::NAN;
+            }
+        }
+        for [_, low, high] in self.band.iter_mut().flatten() {
+            if *low <= 0.0 {
+                *low = f64::NEG_INFINITY;
+            }
+            if *high <= 0.0 {
+                *high = f64::NAN;
+            }
+        }
+    }
+
     fn occupied_points(&self, plot: &Plot) -> Vec<[f64; 2]> {
         let line: Vec<[f64; 2]> = self
             .with_steps(self.points.iter().copied())
@@ -447,6 +498,55 @@ mod tests {
                 .any(|[x, y]| (85.0..95.0).contains(x) && *y < 30.0)
         };
         assert!(occupies_the_end(occupied(true)) && !occupies_the_end(occupied(false)));
+    }
+
+    /// On logarithmic axes, a curve through (0, 5), (1, 10), (10, 0) and (100, 1000) is two dots.
+    #[test]
+    fn logarithmic_axes_leave_out_zero() {
+        let series = Series {
+            points: vec![[0.0, 5.0], [1.0, 10.0], [10.0, 0.0], [100.0, 1000.0]],
+            band: Some(vec![[1.0, -1.0, 20.0], [100.0, 900.0, 1100.0]]),
+            ..Series::default()
+        };
+        let curves = Curves {
+            series: vec![series],
+            x_logarithmic: true,
+            y_logarithmic: true,
+            ..Curves::default()
+        };
+        let drawable = curves.above_zero();
+        let [first, gap, last] = drawable.series[0].points[..] else {
+            panic!("{drawable:?}")
+        };
+        assert_eq!([first, last], [[1.0, 10.0], [100.0, 1000.0]]);
+        assert!(gap[1].is_nan());
+        assert_eq!(drawable.x_extent(), [1.0, 100.0]);
+        let open = drawable.series[0].band.as_ref().unwrap()[0];
+        assert_eq!(open, [1.0, f64::NEG_INFINITY, 20.0]);
+        let mut svg = SvgWriter::default();
+        let area = Rect {
+            x: 0.0,
+            y: 0.0,
+            width: 300.0,
+            height: 200.0,
+        };
+        curves.draw(&area, &mut svg);
+        let text = svg.into_svg([300.0, 200.0], 1.0, "", "");
+        assert!(text.matches("<circle").count() == 2 && !text.contains("NaN"));
+        assert!(
+            [">1<", ">10<", ">100<"]
+                .iter()
+                .all(|tick| text.contains(tick))
+        );
+        let below_zero = Curves {
+            series: vec![Series {
+                points: vec![[0.0, -5.0], [1.0, -3.0]],
+                ..Series::default()
+            }],
+            y_logarithmic: true,
+            ..Curves::default()
+        };
+        assert!(!below_zero.above_zero().y_logarithmic);
     }
 
     #[test]

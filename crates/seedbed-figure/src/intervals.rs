@@ -2,7 +2,7 @@
 
 use super::color::{Color, GRID_COLOR, MUTED_COLOR};
 use super::font::{Weight, fit_text, text_width};
-use super::panel_axes::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
+use super::panel_axes::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title, ticks_side_by_side};
 use super::scale::{Scale, extent, format_number, padded};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 
@@ -22,7 +22,7 @@ pub struct Intervals {
 /// One estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntervalRow {
-    /// Name of the row.
+    /// Name of the row; it may have several lines.
     pub name: String,
     /// The estimate; `None` if it does not exist, such as the median time to a goal that most runs
     /// did not reach. It is shown as `not reached`.
@@ -45,44 +45,123 @@ const ARROW_LENGTH: f64 = 8.0;
 /// Factor by which text may be wider in an SVG viewer that lacks the fonts of this crate.
 const FONT_WIDTH_MARGIN: f64 = 1.15;
 
-/// Height of a row.
-const ROW_HEIGHT: f64 = 24.0;
+/// Height of a row without its name, and of each line of the name.
+const ROW_GAP: f64 = 10.0;
+const LINE_HEIGHT: f64 = 14.0;
+
+/// Share of the width of a panel that names and numbers may take beside the plot.
+const MAX_SHARE_OF_TEXT: f64 = 0.78;
+
+/// Lines below a name that is above its interval: one of numbers and one of the interval.
+const LINES_BELOW_NAME: f64 = 2.0;
+
+/// Distance of numbers from the right edge of the panel.
+const RIGHT_MARGIN: f64 = 4.0;
+
+/// How the rows of a panel are arranged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Arrangement {
+    /// Names to the left of the plot, which has this left margin.
+    NamesBeside(f64),
+    /// Names and numbers above their intervals, for narrow panels.
+    NamesAbove,
+}
 
 impl Intervals {
-    /// Height of a panel with all rows.
+    /// Height of a wide panel with all rows.
     #[must_use]
     pub fn height(&self) -> f64 {
-        TITLE_HEIGHT + ROW_HEIGHT * self.rows.len() as f64 + 44.0
+        self.height_of_rows(
+            &self.lines_of_names(Arrangement::NamesBeside(0.0), 0.0),
+            0.0,
+        )
+    }
+
+    /// Height of a panel of this width with all rows.
+    pub(super) fn height_within(&self, width: f64) -> f64 {
+        let arrangement = self.arrangement(width);
+        let lines = self.lines_of_names(arrangement, width);
+        let line_of_interval = match arrangement {
+            Arrangement::NamesBeside(_) => 0.0,
+            Arrangement::NamesAbove => LINES_BELOW_NAME * LINE_HEIGHT,
+        };
+        self.height_of_rows(&lines, line_of_interval)
+    }
+
+    fn height_of_rows(&self, lines: &[Vec<String>], line_of_interval: f64) -> f64 {
+        let row = row_height(lines) + line_of_interval;
+        TITLE_HEIGHT + row * self.rows.len() as f64 + 44.0
+    }
+
+    /// Names are above their intervals if there is too little room for both beside each other.
+    fn arrangement(&self, width: f64) -> Arrangement {
+        let name_width = self.name_width(width);
+        if name_width + self.numbers_width() > MAX_SHARE_OF_TEXT * width {
+            Arrangement::NamesAbove
+        } else {
+            Arrangement::NamesBeside(name_width)
+        }
+    }
+
+    /// The arrangement in a panel, which may be too low for names above.
+    fn arrangement_in(&self, panel: &Rect) -> Arrangement {
+        if panel.height + 1.0 < self.height_within(panel.width) {
+            Arrangement::NamesBeside(self.name_width(panel.width))
+        } else {
+            self.arrangement(panel.width)
+        }
+    }
+
+    /// Width of the names beside a plot in a panel of this width.
+    fn name_width(&self, width: f64) -> f64 {
+        let names = max_width(self.rows.iter().flat_map(IntervalRow::lines));
+        names.min(0.4 * width) + 12.0
+    }
+
+    fn numbers_width(&self) -> f64 {
+        max_width(self.rows.iter().map(IntervalRow::numbers_text)) + 16.0
+    }
+
+    /// The lines of each name.
+    fn lines_of_names(&self, arrangement: Arrangement, width: f64) -> Vec<Vec<String>> {
+        let lines = |row: &IntervalRow| match arrangement {
+            Arrangement::NamesBeside(_) => row.lines().collect(),
+            Arrangement::NamesAbove => wrapped(&row.name.replace('\n', " "), width - 8.0),
+        };
+        self.rows.iter().map(lines).collect()
     }
 
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
-        let max_width = |texts: &mut dyn Iterator<Item = String>| {
-            texts
-                .map(|text| FONT_WIDTH_MARGIN * text_width(&text, LABEL_SIZE, Weight::Regular))
-                .fold(0.0, f64::max)
+        let arrangement = self.arrangement_in(panel);
+        let [left, right] = match arrangement {
+            Arrangement::NamesBeside(name_width) => [name_width, self.numbers_width()],
+            Arrangement::NamesAbove => [12.0, 16.0],
         };
-        let name_width = max_width(&mut self.rows.iter().map(|row| row.name.clone()))
-            .min(0.4 * panel.width)
-            + 12.0;
-        let numbers_width = max_width(&mut self.rows.iter().map(IntervalRow::numbers_text)) + 16.0;
-        let area = panel.inset([TITLE_HEIGHT, numbers_width, 44.0, name_width]);
+        let area = panel.inset([TITLE_HEIGHT, right, 44.0, left]);
         draw_title(&self.title, panel, panel.x + 4.0, svg);
         let scale = Scale::new(self.range(), [area.x, area.right()]);
         self.draw_axis(&scale, &area, panel, svg);
         let row_height = area.height / self.rows.len().max(1) as f64;
-        for (index, row) in self.rows.iter().enumerate() {
-            let y = area.y + row_height * (index as f64 + 0.5);
-            let name = fit_text(&row.name, name_width - 8.0, LABEL_SIZE, Weight::Regular);
-            svg.text(
-                [area.x - 8.0, y + 4.0],
-                &name,
-                TextStyle::new(LABEL_SIZE, Anchor::End),
-            );
-            svg.text(
-                [panel.right() - 4.0, y + 4.0],
-                &row.numbers_text(),
-                TextStyle::new(LABEL_SIZE, Anchor::End).color(MUTED_COLOR),
-            );
+        let lines = self.lines_of_names(arrangement, panel.width);
+        for (index, (row, lines)) in self.rows.iter().zip(&lines).enumerate() {
+            let top = area.y + row_height * index as f64;
+            let y = match arrangement {
+                Arrangement::NamesBeside(_) => {
+                    let y = top + row_height / 2.0;
+                    draw_name_beside(lines, [area.x - 8.0, y], left - 8.0, svg);
+                    let place = [panel.right() - RIGHT_MARGIN, y + 4.0];
+                    svg.text(place, &row.numbers_text(), numbers_style(Anchor::End));
+                    y
+                }
+                Arrangement::NamesAbove => {
+                    draw_name_above(lines, [panel.x + 4.0, top], svg);
+                    let below = top + LINE_HEIGHT * (lines.len() as f64 + 1.0);
+                    let place = [panel.x + 4.0, below];
+                    let style = numbers_style(Anchor::Start).with_rim();
+                    svg.text(place, &row.numbers_text(), style);
+                    below + LINE_HEIGHT
+                }
+            };
             svg.clipped(&clip_area_with_dots(&area), |svg| {
                 row.draw(&scale, &area, y, svg);
             });
@@ -98,7 +177,8 @@ impl Intervals {
     }
 
     fn draw_axis(&self, scale: &Scale, area: &Rect, panel: &Rect, svg: &mut SvgWriter) {
-        for (value, text) in scale.ticks(((area.width / 48.0) as usize).clamp(3, 8)) {
+        let most = ((area.width / 48.0) as usize).clamp(3, 8);
+        for (value, text) in ticks_side_by_side(scale, most) {
             let x = scale.position(value);
             svg.line(
                 &[[x, area.y], [x, area.bottom()]],
@@ -129,6 +209,55 @@ impl Intervals {
     }
 }
 
+/// Height of a row without an interval of its own line: that of the longest name.
+fn row_height(lines: &[Vec<String>]) -> f64 {
+    let most = lines.iter().map(Vec::len).max().unwrap_or(1);
+    ROW_GAP + LINE_HEIGHT * most as f64
+}
+
+/// Width of the widest text, also in viewers without the fonts of this crate.
+fn max_width(texts: impl Iterator<Item = String>) -> f64 {
+    texts
+        .map(|text| FONT_WIDTH_MARGIN * text_width(&text, LABEL_SIZE, Weight::Regular))
+        .fold(0.0, f64::max)
+}
+
+/// A text in lines of at most this width, broken between words.
+fn wrapped(text: &str, width: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        let longer = lines.last().map(|line| format!("{line} {word}"));
+        match longer.filter(|line| text_width(line, LABEL_SIZE, Weight::Regular) <= width) {
+            Some(longer) => *lines.last_mut().expect("there is a line") = longer,
+            None => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+/// Draws the lines of a name around a height, each shortened to `width`.
+fn draw_name_beside(lines: &[String], [right, middle]: [f64; 2], width: f64, svg: &mut SvgWriter) {
+    let first = middle - 0.5 * LINE_HEIGHT * (lines.len() as f64 - 1.0);
+    for (number, line) in lines.iter().enumerate() {
+        let line = fit_text(line, width, LABEL_SIZE, Weight::Regular);
+        let y = first + LINE_HEIGHT * number as f64 + 4.0;
+        svg.text([right, y], &line, TextStyle::new(LABEL_SIZE, Anchor::End));
+    }
+}
+
+fn numbers_style(anchor: Anchor) -> TextStyle {
+    TextStyle::new(LABEL_SIZE, anchor).color(MUTED_COLOR)
+}
+
+/// Draws the lines of a name from a height downwards.
+fn draw_name_above(lines: &[String], [left, top]: [f64; 2], svg: &mut SvgWriter) {
+    for (number, line) in lines.iter().enumerate() {
+        let y = top + LINE_HEIGHT * (number as f64 + 1.0);
+        let style = TextStyle::new(LABEL_SIZE, Anchor::Start).with_rim();
+        svg.text([left, y], line, style);
+    }
+}
+
 /// The area of the plot, widened so that dots at its edges are not clipped.
 fn clip_area_with_dots(area: &Rect) -> Rect {
     Rect {
@@ -139,6 +268,11 @@ fn clip_area_with_dots(area: &Rect) -> Rect {
 }
 
 impl IntervalRow {
+    /// Lines of the name.
+    fn lines(&self) -> impl Iterator<Item = String> {
+        self.name.split('\n').map(str::to_owned)
+    }
+
     fn draw(&self, scale: &Scale, area: &Rect, y: f64, svg: &mut SvgWriter) {
         if let Some([low, high]) = self.interval {
             // Position and, at an open end, direction of an arrow.
@@ -218,6 +352,40 @@ mod tests {
         );
         assert_eq!(row(None, None).numbers_text(), "not reached, n = 10");
         assert_eq!(row(Some(-6.0), None).numbers_text(), "−6, n = 10");
+    }
+
+    /// On a page of 760 pixels, names and numbers are beside the plot; in a column of 260 above it, in rows of more lines.
+    #[test]
+    fn names_are_above_intervals_in_narrow_panels() {
+        let row = IntervalRow {
+            name: "four agents that share\nall experience".to_owned(),
+            estimate: Some(0.5),
+            interval: Some([0.25, 0.75]),
+            n: 10,
+            color: [0; 3],
+        };
+        let panel = Intervals {
+            rows: vec![row],
+            ..Intervals::default()
+        };
+        assert_eq!(panel.height_within(760.0), panel.height());
+        assert!(matches!(
+            panel.arrangement(760.0),
+            Arrangement::NamesBeside(_)
+        ));
+        assert_eq!(panel.arrangement(260.0), Arrangement::NamesAbove);
+        let area = |height| Rect {
+            x: 0.0,
+            y: 0.0,
+            width: 260.0,
+            height,
+        };
+        let high = panel.height_within(260.0);
+        assert!(high > panel.height());
+        assert_eq!(panel.arrangement_in(&area(high)), Arrangement::NamesAbove);
+        let low = panel.arrangement_in(&area(panel.height()));
+        assert!(matches!(low, Arrangement::NamesBeside(_)));
+        assert_eq!(wrapped("one two three", 60.0), ["one two", "three"]);
     }
 
     /// A closed interval has two caps, which are vertical lines. At an open end there is the head of an

@@ -5,6 +5,7 @@ use super::font::{Weight, fit_text, text_width};
 use super::panel_axes::{LABEL_SIZE, TICK_SIZE};
 use super::scale::{Scale, format_significant, log_position};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
+use super::theme::Theme;
 
 /// Color key of a row of panels.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,7 +19,7 @@ pub enum Key {
         /// Values at the lower and the upper end.
         range: [f64; 2],
     },
-    /// The colors of [`color::count_color`], labeled with percentages of `total`.
+    /// The colors of [`color::density_color`], labeled with percentages of `total`.
     Shares {
         /// Name of what is counted.
         label: String,
@@ -27,7 +28,7 @@ pub enum Key {
         /// The count that is 100 %.
         total: u64,
     },
-    /// The colors of [`color::count_color`], labeled with counts from 1 to the maximum.
+    /// The colors of [`color::density_color`], labeled with counts from 1 to the maximum.
     Counts {
         /// Name of what is counted.
         label: String,
@@ -69,7 +70,9 @@ impl Key {
         match self {
             Self::Categories(names) => draw_names(names, area, svg),
             Self::Continuous { label, range } => {
-                draw_bar(area, svg, label, color::sequential_color);
+                draw_bar(area, svg, label, |theme, share| {
+                    theme.color(color::sequential_color(share))
+                });
                 let scale = Scale::new(*range, [area.bottom(), area.y]);
                 let ticks = scale.ticks(4).into_iter();
                 ticks.for_each(|(value, text)| draw_tick(area, svg, scale.position(value), &text));
@@ -79,7 +82,7 @@ impl Key {
                 max_count,
                 total,
             } => {
-                draw_bar(area, svg, label, color::density_color);
+                draw_bar(area, svg, label, Theme::density_color);
                 for (count, text) in share_ticks(*max_count, *total) {
                     draw_tick(
                         area,
@@ -90,8 +93,8 @@ impl Key {
                 }
             }
             Self::Differences { label, max } => {
-                draw_bar(area, svg, label, |share| {
-                    color::difference_color(2.0 * share - 1.0)
+                draw_bar(area, svg, label, |theme, share| {
+                    theme.difference_color(2.0 * share - 1.0)
                 });
                 for root in [-1.0, -0.5, 0.0, 0.5, 1.0_f64] {
                     let percent = 100.0 * max * root * root * root.signum();
@@ -101,7 +104,7 @@ impl Key {
                 }
             }
             Self::Counts { label, max_count } => {
-                draw_bar(area, svg, label, color::density_color);
+                draw_bar(area, svg, label, Theme::density_color);
                 for (count, text) in count_ticks(*max_count) {
                     let position =
                         area.bottom() - log_position(f64::from(count), *max_count) * area.height;
@@ -179,8 +182,11 @@ fn draw_names(names: &[(String, Color)], area: &Rect, svg: &mut SvgWriter) {
     }
 }
 
+/// Length by which the label of a color bar may be longer than the bar, which is shorter than its row.
+const ROOM_AROUND: f64 = 56.0;
+
 /// Draws a color bar, with its label rotated to its right.
-fn draw_bar(area: &Rect, svg: &mut SvgWriter, label: &str, color_of: fn(f64) -> Color) {
+fn draw_bar(area: &Rect, svg: &mut SvgWriter, label: &str, color_of: fn(Theme, f64) -> Color) {
     const STEPS: u32 = 64;
     let step = area.height / f64::from(STEPS);
     for index in 0..STEPS {
@@ -192,14 +198,16 @@ fn draw_bar(area: &Rect, svg: &mut SvgWriter, label: &str, color_of: fn(f64) -> 
             width: BAR_WIDTH,
             height: if index == 0 { step } else { step + 0.5 },
         };
-        svg.rectangle(
-            &part,
-            color_of((f64::from(index) + 0.5) / f64::from(STEPS)),
-            1.0,
-        );
+        let share = (f64::from(index) + 0.5) / f64::from(STEPS);
+        svg.rectangle_of_theme(&part, color_of(svg.theme(), share), 1.0);
     }
     let middle = [area.right() - 4.0, area.y + area.height / 2.0];
-    let label = fit_text(label, area.height, LABEL_SIZE, Weight::Regular);
+    let label = fit_text(
+        label,
+        area.height + ROOM_AROUND,
+        LABEL_SIZE,
+        Weight::Regular,
+    );
     svg.text(
         middle,
         &label,

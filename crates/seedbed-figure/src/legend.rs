@@ -62,6 +62,9 @@ impl Place {
 /// Share of the width of a panel that a legend beside the plot may take.
 const MAX_SHARE_BESIDE: f64 = 0.3;
 
+/// Share of the height of a panel that a legend below the plot may take.
+const MAX_SHARE_BELOW: f64 = 0.4;
+
 /// A place for a legend that covers none of `points`.
 pub(super) fn place(
     entries: &[Entry<'_>],
@@ -73,11 +76,13 @@ pub(super) fn place(
         return Place::Beside(0.0);
     }
     let size = legend_size(entries, plot);
-    if let Some(rect) = free_rect_of_size(size, plot, points) {
+    let has_room = entries.len() <= max_entries(plot);
+    if let Some(rect) = free_rect_of_size(size, plot, points).filter(|_| has_room) {
         return Place::Inside(rect);
     }
     let height_below = 6.0 + LINE_HEIGHT * lines(entries, panel.width).len() as f64;
-    if size[0] > MAX_SHARE_BESIDE * panel.width && height_below < 0.4 * panel.height {
+    let is_too_large_beside = !has_room || size[0] > MAX_SHARE_BESIDE * panel.width;
+    if is_too_large_beside && height_below < MAX_SHARE_BELOW * panel.height {
         return Place::Below(height_below);
     }
     Place::Beside(size[0].min(0.4 * panel.width))

@@ -1,7 +1,7 @@
 //! Figures for publications: pure functions from data to SVG text and PNG bytes.
 //!
 //! A [`Figure`] is rows of panels on a white page. [`Figure::svg`] returns an SVG file, which
-//! browsers show and vector editors can change. [`Figure::pdf`] and [`Figure::png`] render it with fonts that are part
+//! browsers show and vector editors can change. [`Figure::png`] and [`PrintLayout::encode`] render it with fonts that are part
 //! of this crate, so that the result does not depend on the fonts of the machine. The same data
 //! give the same bytes.
 //!
@@ -65,6 +65,7 @@ mod pixels;
 mod print;
 mod scale;
 mod svg;
+mod theme;
 
 pub use color::Color;
 pub use curves::{Curves, Series, Threshold};
@@ -78,6 +79,7 @@ pub use parallel::{DensityImage, DifferenceImage, ParallelCoordinates, StateLine
 pub use picture::Picture;
 pub use pixels::{Pixels, RenderError};
 pub use print::{Format, PrintLayout};
+pub use theme::Theme;
 
 /// One dimension of a panel: its name, its unit, and the range that is shown.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,12 +5,16 @@ use super::panel_axes::TITLE_HEIGHT;
 use super::svg::{Anchor, Rect, SvgWriter, TextStyle};
 use super::{
     Curves, Drawing, Figure, HeatMap, Intervals, NumberGrid, Panel, ParallelCoordinates, Picture,
-    Pixels, RenderError, Row, Scatter, pdf, pixels,
+    Pixels, RenderError, Row, Scatter, Theme, pdf, pixels,
 };
 
 const HEADING_SIZE: f64 = 15.0;
 const MARGIN: f64 = 8.0;
 const GAP: f64 = 10.0;
+
+/// What surrounds the plot of a map: labels on the left, title and labels below.
+const WIDTH_OF_LABELS: f64 = 60.0;
+const HEIGHT_OF_LABELS: f64 = 68.0;
 
 impl Figure {
     /// Height of the page.
@@ -36,13 +40,12 @@ impl Figure {
     /// The text of an SVG file.
     #[must_use]
     pub fn svg(&self) -> String {
-        self.svg_scaled(1.0)
+        self.svg_scaled(1.0, Theme::Paper)
     }
 
     /// The text of an SVG file in which all lengths, also those of letters, are multiplied by `scale`.
-    #[must_use]
-    pub fn svg_scaled(&self, scale: f64) -> String {
-        let mut svg = SvgWriter::default();
+    pub(super) fn svg_scaled(&self, scale: f64, theme: Theme) -> String {
+        let mut svg = SvgWriter::new(theme);
         let page_area = Rect {
             x: 0.0,
             y: 0.0,
@@ -59,15 +62,16 @@ impl Figure {
             );
         }
         let mut y = page_area.y + self.title_height();
+        let mut key_above = None;
         for row in &self.rows {
-            row.draw(
-                &Rect {
-                    y,
-                    height: row.height,
-                    ..page_area
-                },
-                &mut svg,
-            );
+            let area = Rect {
+                y,
+                height: row.height,
+                ..page_area
+            };
+            let repeats_key = row.has_maps() && row.key == key_above;
+            row.draw(&area, !repeats_key, &mut svg);
+            key_above.clone_from(&row.key);
             y += row.height + GAP;
         }
         svg.into_svg(
@@ -84,28 +88,27 @@ impl Figure {
     /// # Errors
     /// The page is empty.
     pub fn png(&self, scale: f64) -> Result<Vec<u8>, RenderError> {
-        self.png_for_print(1.0, scale * pixels::PIXELS_PER_INCH)
+        self.png_for_print(1.0, scale * pixels::PIXELS_PER_INCH, Theme::Paper)
     }
 
     /// The bytes of a PNG file in which all lengths are multiplied by `scale`, with this resolution or a lower one if a side
     /// would have more than 20,000 pixels.
-    ///
-    /// # Errors
-    /// The page is empty.
-    pub fn png_for_print(&self, scale: f64, pixels_per_inch: f64) -> Result<Vec<u8>, RenderError> {
+    pub(super) fn png_for_print(
+        &self,
+        scale: f64,
+        pixels_per_inch: f64,
+        theme: Theme,
+    ) -> Result<Vec<u8>, RenderError> {
         let pixels_per_length = scale * pixels_per_inch / pixels::PIXELS_PER_INCH;
         let fitting = pixels_per_length.min(pixels::MAX_SIDE / self.width.max(self.height()));
         let resolution = pixels_per_inch * fitting / pixels_per_length;
-        self.pixels(fitting)?.into_png(resolution)
+        pixels::draw(&self.svg_scaled(1.0, theme), fitting)?.into_png(resolution)
     }
 
     /// The bytes of a PDF file with one page, in which all lengths are multiplied by `scale`. Fonts are embedded, text can be
     /// selected, and lines are lines.
-    ///
-    /// # Errors
-    /// The page is empty.
-    pub fn pdf(&self, scale: f64) -> Result<Vec<u8>, RenderError> {
-        pdf::pdf(&self.svg(), &self.alt_text(), scale)
+    pub(super) fn pdf(&self, scale: f64, theme: Theme) -> Result<Vec<u8>, RenderError> {
+        pdf::pdf(&self.svg_scaled(1.0, theme), &self.alt_text(), scale)
     }
 
     /// The image that [`png`](Self::png) encodes.
@@ -136,9 +139,48 @@ impl Figure {
 }
 
 impl Row {
-    fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
-        let key_width = self.key.as_ref().map_or(0.0, |key| key.width() + GAP);
-        let panels_area = area.inset([0.0, key_width, 0.0, 0.0]);
+    /// Width of all panels together, beside the key, on a page of this width.
+    pub(super) fn width_of_panels(&self, page: f64) -> f64 {
+        page - 2.0 * MARGIN - self.key_width()
+    }
+
+    /// The row or, if its panels of states would be too narrow on a page of this width, several rows of fewer panels.
+    pub(super) fn split_for(self, page: f64) -> Vec<Self> {
+        let columns = self.panels.len().max(1);
+        let width = self.width_of_panels(page);
+        let needed = self.panels.iter().map(Panel::min_width).fold(0.0, f64::max);
+        let fitting = ((width / needed.max(1.0)) as usize).clamp(1, columns);
+        if fitting == columns || needed == 0.0 {
+            return vec![self];
+        }
+        let panels = self.panels.iter().filter(|panel| **panel != Panel::Blank);
+        let panels: Vec<Panel> = panels.cloned().collect();
+        let column_width = width / fitting as f64 - GAP;
+        let row = |panels: &[Panel]| {
+            let height_to_scale = panels[0].height_of_map(column_width);
+            let mut panels = panels.to_vec();
+            panels.resize(fitting, Panel::Blank);
+            Self {
+                height: height_to_scale.unwrap_or(self.height),
+                panels,
+                key: self.key.clone(),
+            }
+        };
+        panels.chunks(fitting).map(row).collect()
+    }
+
+    fn key_width(&self) -> f64 {
+        self.key.as_ref().map_or(0.0, |key| key.width() + GAP)
+    }
+
+    fn has_maps(&self) -> bool {
+        let mut panels = self.panels.iter();
+        panels.any(|panel| matches!(panel, Panel::Scatter(_) | Panel::HeatMap(_)))
+    }
+
+    /// Draws the row. Without its key, the place of the key is empty.
+    fn draw(&self, area: &Rect, shows_key: bool, svg: &mut SvgWriter) {
+        let panels_area = area.inset([0.0, self.key_width(), 0.0, 0.0]);
         let count = self.panels.len().max(1) as f64;
         let width = (panels_area.width - GAP * (count - 1.0)) / count;
         let mut x = panels_area.x;
@@ -153,7 +195,7 @@ impl Row {
             );
             x += width + GAP;
         }
-        if let Some(key) = &self.key {
+        if let Some(key) = self.key.as_ref().filter(|_| shows_key) {
             let key_area = Rect {
                 x: panels_area.right() + GAP,
                 width: key.width(),
@@ -165,6 +207,35 @@ impl Row {
 }
 
 impl Panel {
+    /// Width that a panel of states needs; 0 of other panels, which fit themselves to any width.
+    fn min_width(&self) -> f64 {
+        match self {
+            Self::Scatter(_) | Self::HeatMap(_) => 110.0,
+            Self::ParallelCoordinates(_) => 250.0,
+            _ => 0.0,
+        }
+    }
+
+    /// Height over width of a map to scale, which shows walls; `None` of other panels.
+    #[must_use]
+    pub fn aspect_of_map(&self) -> Option<f64> {
+        let (lines, x, y) = match self {
+            Self::Scatter(scatter) => (&scatter.lines, &scatter.x, &scatter.y),
+            Self::HeatMap(map) => (&map.lines, &map.x, &map.y),
+            _ => return None,
+        };
+        let [x, y] = [x, y].map(|axis| f64::from(axis.range[1] - axis.range[0]));
+        (!lines.is_empty()).then_some(y / x)
+    }
+
+    /// Height of a panel of this width with a map to scale, without empty space; `None` of other panels.
+    #[must_use]
+    pub fn height_of_map(&self, width: f64) -> Option<f64> {
+        let aspect = self.aspect_of_map()?;
+        let height = ((width - WIDTH_OF_LABELS) * aspect).clamp(60.0, 500.0);
+        Some(height + HEIGHT_OF_LABELS)
+    }
+
     fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
         match self {
             Self::Curves(curves) => curves.draw(area, svg),
@@ -386,21 +457,21 @@ mod tests {
         let mut figure = figure_with_all_panels();
         let scale = 8.0 / 9.0;
         figure.width = 8.4 / 2.54 * 96.0 / scale;
-        let svg = figure.svg_scaled(scale);
+        let svg = figure.svg_scaled(scale, Theme::Paper);
         assert!(
             svg.contains("width=\"317.48\"") && svg.contains("viewBox=\"0 0 357.17 "),
             "{}",
             &svg[..300]
         );
-        let png = figure.png_for_print(scale, 300.0).unwrap();
+        let png = figure.png_for_print(scale, 300.0, Theme::Paper).unwrap();
         assert_eq!(png[16..20], 992_u32.to_be_bytes());
         let resolution = png.windows(4).position(|name| name == b"pHYs").unwrap();
         assert_eq!(png[resolution + 4..resolution + 8], 11811_u32.to_be_bytes());
-        let pdf = figure.pdf(scale).unwrap();
+        let pdf = figure.pdf(scale, Theme::Paper).unwrap();
         let text = String::from_utf8_lossy(&pdf);
         assert!(text.starts_with("%PDF-") && text.contains("/MediaBox[0 0 238.11"));
         assert!(text.contains("/FontFile2") && text.contains("Roboto-Regular"));
-        assert_eq!(pdf, figure.pdf(scale).unwrap());
+        assert_eq!(pdf, figure.pdf(scale, Theme::Paper).unwrap());
     }
 
     #[test]
@@ -412,6 +483,39 @@ mod tests {
         let png = wide.png(2.0).unwrap();
         assert_eq!(png[16..20], 20_000_u32.to_be_bytes());
         assert_eq!(png[20..24], 400_u32.to_be_bytes());
+    }
+
+    /// Three square maps, of which two fit beside each other on a page of 380 pixels.
+    #[test]
+    fn narrow_pages_have_rows_of_fewer_maps() {
+        let axis = |name: &str, range| Axis {
+            name: name.to_owned(),
+            unit: "m".to_owned(),
+            range,
+            outside: [0.0; 2],
+            nan: 0.0,
+        };
+        let map = Panel::HeatMap(HeatMap {
+            title: String::new(),
+            x: axis("x", [-2.0, 2.0]),
+            y: axis("y", [-2.0, 2.0]),
+            counts: vec![1; 4],
+            columns: 2,
+            max_count: 1,
+            lines: vec![vec![[0.0, 0.0], [0.0, 1.0]]],
+        });
+        let row = Row {
+            height: 250.0,
+            panels: vec![map.clone(), map.clone(), map],
+            key: None,
+        };
+        let rows = row.clone().split_for(300.0);
+        let panels: Vec<usize> = rows.iter().map(|row| row.panels.len()).collect();
+        assert_eq!(panels, [2, 2]);
+        assert_eq!(rows[1].panels[1], Panel::Blank);
+        // 284 / 2 − 10 − 60 + 68 pixels.
+        assert!((rows[0].height - 140.0).abs() < 1e-9, "{}", rows[0].height);
+        assert_eq!(row.clone().split_for(380.0), [row]);
     }
 
     #[test]

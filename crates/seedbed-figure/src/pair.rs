@@ -1,8 +1,8 @@
 //! Plots of two dimensions against each other: as points, or as counts.
 
-use super::color::{Color, MUTED_COLOR, count_color};
-use super::panel_axes::{PanelAxes, Plot};
-use super::pixels;
+use super::color::{Color, MUTED_COLOR};
+use super::font::{Weight, text_width};
+use super::panel_axes::{LABEL_SIZE, PanelAxes, Plot};
 use super::scale::percent;
 use super::svg::{Rect, Stroke, SvgWriter};
 use crate::Axis;
@@ -87,19 +87,55 @@ impl HeatMap {
             panel,
             svg,
         );
-        let from_the_top = self.counts.chunks(self.columns.max(1)).rev().flatten();
-        let colors: Vec<Color> = from_the_top
-            .map(|&count| count_color(count, self.max_count))
-            .collect();
-        if !colors.is_empty() {
-            svg.image(
-                &plot.area,
-                &pixels::png_of_colors(&colors, self.columns),
-                true,
-            );
-        }
+        let columns = self.columns.max(1);
+        let rows = self.counts.len() / columns;
+        let is_visited = |row: usize, column: usize| self.counts[row * columns + column] > 0;
+        let shown_row = shown_cells(rows, |row| {
+            (0..columns).any(|column| is_visited(row, column))
+        });
+        let shown_column = shown_cells(columns, |column| {
+            (0..rows).any(|row| is_visited(row, column))
+        });
+        let from_the_top = shown_row.iter().rev();
+        let counts = from_the_top.flat_map(|row| {
+            let row = &self.counts[row * columns..][..columns];
+            shown_column.iter().map(|&column| row[column])
+        });
+        let theme = svg.theme();
+        let colors = counts.map(|count| theme.count_color(count, self.max_count));
+        svg.image_of_colors(&plot.area, colors, self.columns, true);
         draw_lines(&self.lines, &plot, svg);
     }
+}
+
+/// Largest number of values of an axis that are drawn as wide as their distance.
+const MAX_VALUES: usize = 50;
+
+/// Which of `count` rows or columns is drawn at the place of each: itself, or, if the axis has few values at equal distances
+/// (up to rounding to cells), such as the columns of a grid world, the nearest one with a value. So these values have no gaps between them.
+fn shown_cells(count: usize, has_value: impl Fn(usize) -> bool) -> Vec<usize> {
+    let values: Vec<usize> = (0..count).filter(|&cell| has_value(cell)).collect();
+    let gaps = || values.windows(2).map(|pair| pair[1] - pair[0]);
+    let (Some(smallest), Some(largest)) = (gaps().min(), gaps().max()) else {
+        return (0..count).collect();
+    };
+    if values.len() > MAX_VALUES || smallest < 2 || largest > smallest + 1 {
+        return (0..count).collect();
+    }
+    let nearest = |cell: usize| {
+        values
+            .iter()
+            .copied()
+            .min_by_key(|value| value.abs_diff(cell))
+    };
+    let is_near = |cell: usize, value: usize| 2 * value.abs_diff(cell) <= largest;
+    (0..count)
+        .map(|cell| {
+            nearest(cell)
+                .filter(|value| is_near(cell, *value))
+                .unwrap_or(cell)
+        })
+        .collect()
 }
 
 /// Draws the parts of lines that are within the plot.
@@ -128,12 +164,12 @@ fn draw_axes(
 ) -> Plot {
     let axes = PanelAxes {
         title,
-        x_label: &axis_label_with_shares(x),
-        y_label: &axis_label_with_shares(y),
+        x_label: &axis_label_within(x, panel.width),
+        y_label: &axis_label_within(y, panel.height),
         x_range: x.range.map(f64::from),
         y_range: y.range.map(f64::from),
         x_ticks: &[],
-        y_logarithmic: false,
+        logarithmic: [false; 2],
         has_grid: false,
     };
     let margins = if is_to_scale {
@@ -155,6 +191,16 @@ fn margins_to_scale(area: &Rect, x_range: [f64; 2], y_range: [f64; 2]) -> [f64; 
 
 /// Name and unit of an axis, with the shares of values that are not drawn at their place, such as
 /// `angle [rad] (NaN 30 %, outside 2 %)`.
+/// The label with the shares of values that have no place on the axis or, if that is too long, without them.
+fn axis_label_within(axis: &Axis, length: f64) -> String {
+    let label = axis_label_with_shares(axis);
+    if text_width(&label, LABEL_SIZE, Weight::Regular) <= length {
+        label
+    } else {
+        axis.label()
+    }
+}
+
 fn axis_label_with_shares(axis: &Axis) -> String {
     let outside = axis.outside.iter().sum();
     let shares: Vec<String> = [("NaN", axis.nan), ("outside", outside)]
@@ -240,5 +286,17 @@ mod tests {
             margins_to_scale(&area, [0.0, 2.0], [0.0, 4.0]),
             [0.0, 60.0, 0.0, 0.0]
         );
+    }
+
+    /// Values 0, 1 and 2 of an axis from 0 to 2 are in the cells 0, 4 and 7 of eight: cells are as wide as their distance.
+    #[test]
+    fn few_values_at_equal_distances_have_no_gaps_between_them() {
+        let shown = |count, values: &[usize]| shown_cells(count, |cell| values.contains(&cell));
+        assert_eq!(shown(8, &[0, 4, 7]), [0, 0, 0, 4, 4, 4, 7, 7]);
+        // What is farther than half of the distance stays empty.
+        assert_eq!(shown(9, &[0, 3]), [0, 0, 3, 3, 3, 5, 6, 7, 8]);
+        for values in [&[][..], &[3], &[0, 1, 2], &[0, 2, 7]] {
+            assert_eq!(shown(8, values), [0, 1, 2, 3, 4, 5, 6, 7], "{values:?}");
+        }
     }
 }

@@ -25,7 +25,8 @@ pub(super) struct PanelAxes<'a> {
     pub(super) y_range: [f64; 2],
     /// Ticks of the x axis; empty for round values.
     pub(super) x_ticks: &'a [(f64, String)],
-    pub(super) y_logarithmic: bool,
+    /// Whether the x axis and the y axis are logarithmic.
+    pub(super) logarithmic: [bool; 2],
     pub(super) has_grid: bool,
 }
 
@@ -56,8 +57,8 @@ impl PanelAxes<'_> {
         let area = panel.inset([TITLE_HEIGHT, 12.0, bottom_margin, left]);
         Plot {
             area,
-            x: Scale::new(self.x_range, [area.x, area.right()]),
-            y: Scale::new(self.y_range, [area.bottom(), area.y]).logarithmic(self.y_logarithmic),
+            x: Scale::new(self.x_range, [area.x, area.right()]).logarithmic(self.logarithmic[0]),
+            y: Scale::new(self.y_range, [area.bottom(), area.y]).logarithmic(self.logarithmic[1]),
         }
     }
 
@@ -66,11 +67,10 @@ impl PanelAxes<'_> {
     }
 
     fn ticks_of_y(&self, panel: &Rect) -> Vec<(f64, String)> {
-        let scale = Scale::new(self.y_range, [0.0, 1.0]).logarithmic(self.y_logarithmic);
-        scale.ticks(tick_count(
-            panel.height - TITLE_HEIGHT - self.bottom_margin(),
-            36.0,
-        ))
+        let scale = Scale::new(self.y_range, [0.0, 1.0]).logarithmic(self.logarithmic[1]);
+        let height = panel.height - TITLE_HEIGHT - self.bottom_margin();
+        let most = (height / LINE_OF_TICK) as usize;
+        scale.ticks(tick_count(height, 36.0).min(most.max(1)))
     }
 
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) -> Plot {
@@ -119,9 +119,8 @@ impl PanelAxes<'_> {
 
     fn draw_x_axis(&self, plot: &Plot, panel: &Rect, svg: &mut SvgWriter) {
         let area = plot.area;
-        let round_values = || plot.x.ticks(tick_count(area.width, 52.0));
         let ticks = if self.x_ticks.is_empty() {
-            round_values()
+            ticks_side_by_side(&plot.x, tick_count(area.width, 52.0))
         } else {
             self.x_ticks.to_vec()
         };
@@ -147,6 +146,27 @@ impl PanelAxes<'_> {
         }
     }
 }
+
+/// At most about `count` ticks at round values, and fewer if their labels would touch.
+pub(super) fn ticks_side_by_side(scale: &Scale, count: usize) -> Vec<(f64, String)> {
+    let touch = |ticks: &[(f64, String)]| {
+        ticks.windows(2).any(|pair| {
+            let [one, next] = [&pair[0], &pair[1]];
+            let widths = [one, next].map(|tick| text_width(&tick.1, TICK_SIZE, Weight::Regular));
+            let distance = scale.position(next.0) - scale.position(one.0);
+            distance < f64::midpoint(widths[0], widths[1]) + MIN_GAP_OF_TICKS
+        })
+    };
+    let mut fewer = (1..=count).rev().map(|count| scale.ticks(count));
+    let fitting = fewer.find(|ticks| !touch(ticks));
+    fitting.unwrap_or_default()
+}
+
+/// Minimum distance between ticks one above the other.
+const LINE_OF_TICK: f64 = 16.0;
+
+/// Minimum distance between the labels of ticks side by side.
+const MIN_GAP_OF_TICKS: f64 = 4.0;
 
 /// Number of ticks that fit on an axis: one per `length_per_tick`, from 3 to 8.
 fn tick_count(length: f64, length_per_tick: f64) -> usize {

@@ -1,9 +1,8 @@
 //! Parallel coordinates: one vertical axis per dimension, and one line across all axes per point.
 
-use super::color::{AXIS_COLOR, Color, MUTED_COLOR, count_color, difference_color};
+use super::color::{AXIS_COLOR, Color, MUTED_COLOR};
 use super::font::{Weight, fit_text, text_width};
 use super::panel_axes::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
-use super::pixels;
 use super::scale::{Scale, format_number, percent};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 use crate::Axis;
@@ -247,24 +246,20 @@ pub struct DifferenceImage {
 
 impl DifferenceImage {
     fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
-        let color = |&difference: &f32| difference_color(f64::from(difference));
-        let colors: Vec<Color> = self.pixels.iter().map(color).collect();
-        if !colors.is_empty() {
-            svg.image(area, &pixels::png_of_colors(&colors, self.width), false);
-        }
+        let theme = svg.theme();
+        let color = |&difference: &f32| theme.difference_color(f64::from(difference));
+        svg.image_of_colors(area, self.pixels.iter().map(color), self.width, false);
     }
 }
 
 impl DensityImage {
     fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
-        let colors: Vec<Color> = self
+        let theme = svg.theme();
+        let colors = self
             .pixels
             .iter()
-            .map(|&count| count_color(count, self.max_count))
-            .collect();
-        if !colors.is_empty() {
-            svg.image(area, &pixels::png_of_colors(&colors, self.width), false);
-        }
+            .map(|&count| theme.count_color(count, self.max_count));
+        svg.image_of_colors(area, colors, self.width, false);
     }
 }
 

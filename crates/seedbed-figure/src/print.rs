@@ -2,7 +2,7 @@
 
 use super::panel_axes::LABEL_SIZE;
 use super::pixels::PIXELS_PER_INCH;
-use super::{Figure, Panel, RenderError};
+use super::{Figure, Panel, RenderError, Theme};
 
 /// Formats of files with figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,12 +18,14 @@ pub enum Format {
 /// How a figure is printed. By default it is as it was drawn, for screens. Lengths are CSS pixels, 1/96 inch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PrintLayout {
+    /// Colors and size of letters.
+    pub theme: Theme,
     /// Width of the page in print.
     pub width: Option<f64>,
     /// Height of the page in print; `None` fits the content.
     pub height: Option<f64>,
     /// Size of the letters of axis labels in print. All other lengths within the figure are scaled with it. `None` is 8 points
-    /// with a width in print, and as drawn without.
+    /// with a width in print, and as drawn without; in talks one and a half times as much.
     pub font: Option<f64>,
     /// Whether the title of the page is left out.
     pub without_title: bool,
@@ -33,6 +35,8 @@ pub struct PrintLayout {
     pub x_range: Option<[f64; 2]>,
     /// Range of the y axis of curves.
     pub y_range: Option<[f64; 2]>,
+    /// Whether the x axis and the y axis of curves are logarithmic.
+    pub logarithmic: [bool; 2],
 }
 
 /// Size of letters in columns of papers: 8 points.
@@ -48,8 +52,11 @@ impl PrintLayout {
     /// Length in print of a unit of length within the figure.
     #[must_use]
     pub fn scale(&self) -> f64 {
-        let font = self.font.or(self.width.map(|_| PRINT_FONT));
-        font.map_or(1.0, |font| font / LABEL_SIZE)
+        if let Some(font) = self.font {
+            return font / LABEL_SIZE;
+        }
+        let in_papers = self.width.map_or(1.0, |_| PRINT_FONT / LABEL_SIZE);
+        in_papers * self.theme.letters()
     }
 
     /// Width of the page within the figure; `drawn` is its width in print unless one is set.
@@ -68,8 +75,9 @@ impl PrintLayout {
         }
     }
 
-    /// Changes the size of a figure, what it leaves out, and its ranges.
-    pub fn apply(&self, figure: &mut Figure) {
+    /// Changes the size of a figure, what it leaves out, and its ranges. `drawn`: width in print, unless one is set, as of
+    /// [`width_within`](Self::width_within)
+    pub fn apply(&self, figure: &mut Figure, drawn: f64) {
         if self.without_title {
             figure.title.clear();
         }
@@ -82,10 +90,20 @@ impl PrintLayout {
                     curves.has_legend &= !self.without_legends;
                     curves.x_range = self.x_range.or(curves.x_range);
                     curves.y_range = self.y_range.or(curves.y_range);
+                    let [x, y] = self.logarithmic;
+                    curves.x_logarithmic |= x;
+                    curves.y_logarithmic |= y;
                 }
             }
         }
-        let width = self.width_within(figure.width);
+        let width = self.width_within(drawn);
+        let rows = std::mem::take(&mut figure.rows).into_iter();
+        figure.rows = rows.flat_map(|row| row.split_for(width)).collect();
+        for row in &mut figure.rows {
+            if let [Panel::Intervals(intervals)] = &row.panels[..] {
+                row.height = intervals.height_within(row.width_of_panels(width));
+            }
+        }
         let height = self.height.map(|height| height / self.scale());
         figure.resize(width, height.unwrap_or_else(|| figure.height()));
     }
@@ -96,9 +114,9 @@ impl PrintLayout {
     /// The page is empty.
     pub fn encode(&self, figure: &Figure, format: Format) -> Result<Vec<u8>, RenderError> {
         match format {
-            Format::Svg => Ok(figure.svg_scaled(self.scale()).into_bytes()),
-            Format::Png => figure.png_for_print(self.scale(), self.resolution()),
-            Format::Pdf => figure.pdf(self.scale()),
+            Format::Svg => Ok(figure.svg_scaled(self.scale(), self.theme).into_bytes()),
+            Format::Png => figure.png_for_print(self.scale(), self.resolution(), self.theme),
+            Format::Pdf => figure.pdf(self.scale(), self.theme),
         }
     }
 }
@@ -141,7 +159,7 @@ mod tests {
             ..PrintLayout::default()
         };
         let mut figure = figure();
-        layout.apply(&mut figure);
+        layout.apply(&mut figure, 760.0);
         assert!((figure.width - 357.165).abs() < 1e-3);
         assert!((figure.height() - 108.0).abs() < 1e-9);
         let svg = String::from_utf8(layout.encode(&figure, Format::Svg).unwrap()).unwrap();
@@ -159,6 +177,20 @@ mod tests {
         );
     }
 
+    /// Letters of talks are larger on a page of the same size.
+    #[test]
+    fn pages_for_talks_keep_their_size() {
+        let layout = PrintLayout {
+            theme: Theme::Talk,
+            ..PrintLayout::default()
+        };
+        let mut figure = figure();
+        figure.width = layout.width_within(760.0);
+        layout.apply(&mut figure, 760.0);
+        let png = layout.encode(&figure, Format::Png).unwrap();
+        assert_eq!(png[16..20], 1520_u32.to_be_bytes());
+    }
+
     #[test]
     fn titles_and_legends_are_left_out_and_ranges_set() {
         let layout = PrintLayout {
@@ -169,7 +201,7 @@ mod tests {
         };
         let mut figure = figure();
         let height = figure.height();
-        layout.apply(&mut figure);
+        layout.apply(&mut figure, 760.0);
         let svg = figure.svg();
         for text in ["Returns", "agent 0", "team"] {
             assert!(!svg.contains(text), "{text}");

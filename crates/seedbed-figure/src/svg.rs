@@ -7,6 +7,8 @@ use base64::prelude::BASE64_STANDARD;
 
 use super::color::{Color, TEXT_COLOR};
 use super::font::{FONT_FAMILY, Weight};
+use super::pixels;
+use super::theme::Theme;
 
 /// A rectangle on the page; y grows downwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -130,10 +132,28 @@ impl TextStyle {
 /// The elements of an SVG file, in the order in which they are drawn.
 #[derive(Debug, Default)]
 pub(super) struct SvgWriter {
+    theme: Theme,
     elements: String,
 }
 
 impl SvgWriter {
+    pub(super) fn new(theme: Theme) -> Self {
+        Self {
+            theme,
+            elements: String::new(),
+        }
+    }
+
+    /// Colors of the page.
+    pub(super) fn theme(&self) -> Theme {
+        self.theme
+    }
+
+    /// A color of the theme as hexadecimal number.
+    fn hex(&self, on_white: Color) -> String {
+        hex(self.theme.color(on_white))
+    }
+
     /// The complete SVG file, shown with `scale` CSS pixels per unit of length.
     pub(super) fn into_svg(
         self,
@@ -145,10 +165,11 @@ impl SvgWriter {
         let [w, h] = size.map(format_length);
         let [shown_width, shown_height] = size.map(|side| format_length(side * scale));
         let (title, description) = (escape(title), escape(description));
+        let page = self.hex([255; 3]);
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{shown_width}\" height=\"{shown_height}\" viewBox=\"0 0 {w} {h}\" role=\"img\" \
              font-family=\"{FONT_FAMILY}\">\n<title>{title}</title>\n<desc>{description}</desc>\n\
-             <rect width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n{}</svg>\n",
+             <rect width=\"{w}\" height=\"{h}\" fill=\"{page}\"/>\n{}</svg>\n",
             self.elements
         )
     }
@@ -175,19 +196,26 @@ impl SvgWriter {
 
     /// Draws a line through points.
     pub(super) fn line(&mut self, points: &[[f64; 2]], stroke: Stroke) {
-        let (path, style) = (path(points), style(stroke));
+        let color = self.theme.color(stroke.color);
+        let (path, style) = (path(points), style(Stroke { color, ..stroke }));
         self.push(format_args!("<path d=\"{path}\" fill=\"none\" {style}/>"));
     }
 
     /// Draws a filled polygon.
     pub(super) fn polygon(&mut self, points: &[[f64; 2]], color: Color, opacity: f64) {
-        let (path, color, opacity) = (path(points), hex(color), format_length(opacity));
+        let (path, color, opacity) = (path(points), self.hex(color), format_length(opacity));
         self.push(format_args!(
             "<path d=\"{path}Z\" fill=\"{color}\" fill-opacity=\"{opacity}\"/>"
         ));
     }
 
+    /// Draws a rectangle in a color that is chosen for white pages.
     pub(super) fn rectangle(&mut self, area: &Rect, fill: Color, opacity: f64) {
+        self.rectangle_of_theme(area, self.theme.color(fill), opacity);
+    }
+
+    /// Draws a rectangle in a color that is chosen for this theme.
+    pub(super) fn rectangle_of_theme(&mut self, area: &Rect, fill: Color, opacity: f64) {
         let [x, y, width, height] = [area.x, area.y, area.width, area.height].map(format_length);
         let (fill, opacity) = (hex(fill), format_length(opacity));
         self.push(format_args!(
@@ -197,7 +225,7 @@ impl SvgWriter {
 
     pub(super) fn dot(&mut self, [x, y]: [f64; 2], radius: f64, color: Color, opacity: f64) {
         let [x, y, radius, opacity] = [x, y, radius, opacity].map(format_length);
-        let color = hex(color);
+        let color = self.hex(color);
         self.push(format_args!("<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\" fill=\"{color}\" fill-opacity=\"{opacity}\"/>"));
     }
 
@@ -215,19 +243,37 @@ impl SvgWriter {
             String::new()
         };
         let rim = if text_style.has_rim {
-            " stroke=\"#ffffff\" stroke-opacity=\"0.8\" stroke-width=\"2.5\" stroke-linejoin=\"round\" paint-order=\"stroke\""
+            format!(
+                " stroke=\"{}\" stroke-opacity=\"0.8\" stroke-width=\"2.5\" stroke-linejoin=\"round\" paint-order=\"stroke\"",
+                self.hex([255; 3])
+            )
         } else {
-            ""
+            String::new()
         };
         let (weight, color, text) = (
             text_style.weight.number(),
-            hex(text_style.color),
+            self.hex(text_style.color),
             escape(text),
         );
         self.push(format_args!(
             "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" font-weight=\"{weight}\" text-anchor=\"{anchor}\" fill=\"{color}\"{rim}{rotation}>\
              {text}</text>"
         ));
+    }
+
+    /// Draws pixels, row by row from the top, in colors that are chosen for this theme, stretched over `area`.
+    /// `colors: [height × width]`
+    pub(super) fn image_of_colors(
+        &mut self,
+        area: &Rect,
+        colors: impl Iterator<Item = Color>,
+        width: usize,
+        is_pixelated: bool,
+    ) {
+        let colors: Vec<Color> = colors.collect();
+        if !colors.is_empty() {
+            self.image(area, &pixels::png_of_colors(&colors, width), is_pixelated);
+        }
     }
 
     /// Draws a PNG image, stretched over `area`; its pixels have sharp edges if `is_pixelated`,

@@ -44,7 +44,8 @@ fn message(text: &str, place: usize, problem: &Problem) -> (String, Option<Strin
         }
         Problem::TooMany => "expected a closing bracket".to_owned(),
         Problem::OtherName { expected, found } => {
-            format!("expected struct `{expected}` but found `{found}`")
+            let message = format!("expected struct `{expected}` but found `{found}`");
+            return (message, command_for(found).map(str::to_owned));
         }
         Problem::UnknownField { expected, found } => {
             return unexpected_name("field", found, expected);
@@ -59,6 +60,17 @@ fn message(text: &str, place: usize, problem: &Problem) -> (String, Option<Strin
         Problem::Message(message) => message.clone(),
     };
     (message, None)
+}
+
+/// The command for a file of another kind.
+fn command_for(kind: &str) -> Option<&'static str> {
+    match kind {
+        "Scenario" => Some("this is a scenario: `seedbed run FILE`"),
+        "Study" => Some("this is a study: `seedbed study FILE`"),
+        "Environment" => Some("this is a task: `seedbed preview FILE`"),
+        "Tuning" => Some("this is a tuning: `seedbed tune FILE`"),
+        _ => None,
+    }
 }
 
 fn syntax(text: &str, place: usize, expected: Expected) -> String {

@@ -34,7 +34,7 @@ pub use former_names::{FORMER_NAMES, FormerName, former_names_in, path_with_new_
 use former_names::{former_names_of, with_new_names};
 pub use kind::{FileKind, block_comment_length, file_kind};
 pub use located::{Document, Located, ValidationError, short_located_list};
-pub use names::{nearest_name, quoted_list, without_version};
+pub use names::{nearest_name, quoted_list, shown, without_version};
 
 /// Reads the RON file at `path`.
 ///

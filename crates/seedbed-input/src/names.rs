@@ -69,8 +69,9 @@ pub(crate) fn suggestion<'a>(
     nearest_name(found, valid).map(|name| format!("did you mean `{name}`?"))
 }
 
-/// The beginning of a text that may be long.
-pub(crate) fn shown(text: &str) -> String {
+/// The beginning of a text that may be long, for messages.
+#[must_use]
+pub fn shown(text: &str) -> String {
     const CHARACTERS: usize = 30;
     let end = text.char_indices().nth(CHARACTERS).map(|(end, _)| end);
     end.map_or_else(|| text.to_owned(), |end| format!("{}…", &text[..end]))

@@ -270,6 +270,7 @@ mod tests {
         SceneBody {
             name: name.to_owned(),
             is_fixed,
+            color: None,
             shapes,
             hinge: None,
         }

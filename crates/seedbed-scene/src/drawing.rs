@@ -39,9 +39,10 @@ pub fn shapes(
     drawn
 }
 
-/// Fixed bodies are gray; moving bodies alternate between the color of the agent and a dark one.
+/// Without a color of the task, fixed bodies are gray; moving bodies alternate between the color of the agent and a dark one.
 fn color_on_page(color: BodyColor, agent: u32) -> Color {
     match color {
+        BodyColor::OfTask(color) => color,
         BodyColor::Fixed => MUTED_COLOR,
         BodyColor::Agent => agent_color(agent),
         BodyColor::Alternate => TEXT_COLOR,
@@ -90,6 +91,7 @@ mod tests {
             bodies: vec![SceneBody {
                 name: "rod".to_owned(),
                 is_fixed: false,
+                color: None,
                 shapes: vec![rod],
                 hinge: None,
             }],

@@ -42,26 +42,26 @@ pub fn points_and_thickness(shape: &Shape) -> (Vec<[f32; 2]>, Option<f32>) {
     }
 }
 
-/// The outlines of bodies that never move, in the world, m: `[lines]` of `[points]`, y up.
+/// The shapes of bodies that never move, as [`points_and_thickness`] describes them, but in the world, y up.
 #[must_use]
-pub fn fixed_lines(environment: &dyn Environment) -> Vec<Vec<[f32; 2]>> {
+pub fn fixed_shapes(environment: &dyn Environment) -> Vec<(Vec<[f32; 2]>, Option<f32>)> {
     let Some(scene) = environment.scene() else {
         return Vec::new();
     };
     let mut poses = vec![Pose::default(); scene.bodies.len()];
     environment.poses(0, &mut poses);
-    let mut lines = Vec::new();
+    let mut shapes = Vec::new();
     for (body, pose) in scene.bodies.iter().zip(poses) {
         if body.is_fixed {
-            lines.extend(body.shapes.iter().map(|shape| {
-                let (points, _) = points_and_thickness(shape);
+            shapes.extend(body.shapes.iter().map(|shape| {
+                let (points, thickness) = points_and_thickness(shape);
                 let in_the_world =
                     |&point: &[f32; 2]| rotated_and_shifted(point, pose.angle, [pose.x, pose.y]);
-                points.iter().map(in_the_world).collect()
+                (points.iter().map(in_the_world).collect(), thickness)
             }));
         }
     }
-    lines
+    shapes
 }
 
 /// The lines of the ground of `copy` that differ from episode to episode, m: `[lines]` of `[points]`.

@@ -80,6 +80,9 @@ impl TerminalSummary<'_> {
         if !self.inspected.selection.is_all() {
             text += &self.selection_line();
         }
+        if !self.inspected.selection.is_all() {
+            text += "whole run: ";
+        }
         text += &self.outcome_line();
         text
     }

@@ -39,14 +39,25 @@ pub(in crate::cli) struct StudyArgs {
 #[derive(Debug, Subcommand)]
 pub(super) enum Action {
     /// Run what is missing, then write the report; `run` may be left out
+    #[command(after_help = "Examples:
+  seedbed study run scenarios/team_size.ron --quick                               few runs, to try it
+  seedbed study run scenarios/team_size.ron --jobs 8")]
     Run(RunArgs),
     /// List all runs with their indices and states (finished, running, failed, interrupted, damaged, to run)
+    #[command(after_help = "Example:
+  seedbed study list scenarios/team_size.ron")]
     List(ListArgs),
     /// Print the number of runs that each confirmatory claim needs
+    #[command(after_help = "Example:
+  seedbed study power scenarios/team_size.ron")]
     Power(PowerArgs),
     /// Fix claims, cells and numbers of runs in STUDY.lock, from which run seeds are derived
+    #[command(after_help = "Example:
+  seedbed study register mine.ron && git add mine.ron.lock && seedbed study confirm mine.ron")]
     Register(RegisterArgs),
     /// Run what STUDY.lock registers, look by look, until all confirmatory claims are decided
+    #[command(after_help = "Example:
+  seedbed study confirm mine.ron --jobs 8")]
     Confirm(RunArgs),
     /// Repeat stored or published runs that are drawn at random, and check that results are bit-identical
     #[command(after_help = "Examples:

@@ -1,7 +1,8 @@
 //! `seedbed study register` and `seedbed study power`: what is fixed before the runs, and how many are needed.
 
 use super::plans::registration_error;
-use crate::cli::{CliError, pluralize};
+use crate::cli::{CliError, pluralize, project_log};
+use seedbed::run_log::RunLog;
 use seedbed::study::design::lock::Lock;
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::design::power::powers;
@@ -11,8 +12,10 @@ use seedbed_stats::power::MAX_RUNS;
 
 /// Registers a study. `folder` may have runs from before.
 pub(super) fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
-    let lock = Lock::register(plan, |cell| folder.count_runs(cell.digest()))
+    let log = RunLog::of_file(&plan.path);
+    let lock = Lock::register(plan, &log, |cell| folder.run_seeds(cell.digest()))
         .map_err(registration_error)?;
+    project_log::warn_if_failed(log.add_lock(&lock));
     let confirmatory = plan
         .study()
         .claims
@@ -48,6 +51,19 @@ pub(super) fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), Cli
             pluralize(ancestors, "lock")
         );
     }
+    let runs_before = lock.registered.seen_before.iter();
+    let runs_before: usize = runs_before.map(|(_, runs)| runs).sum();
+    let others = lock
+        .registered
+        .run_log
+        .as_ref()
+        .map_or(0, |log| log.others_in_tasks);
+    if runs_before + others > 0 {
+        say!(
+            "tried      {} with the settings of its cells, {others} with other settings in its tasks",
+            pluralize(runs_before, "run")
+        );
+    }
     for claim in lock.withdrawn_claims() {
         say!("withdrawn  {claim}");
     }
@@ -60,8 +76,33 @@ pub(super) fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), Cli
     if confirmatory > 0 {
         say!("");
         print_power(plan);
+        warn_of_low_power(plan);
     }
     Ok(())
+}
+
+/// Power below which most people would not begin a study.
+const USUAL_POWER: f64 = 0.8;
+
+/// Warns if a claim is likely to stay open, with the number of runs that it needs. The lock is written: registering again
+/// replaces it.
+fn warn_of_low_power(plan: &StudyPlan) {
+    let powers = powers(plan.study());
+    let low = powers.iter().filter_map(|(index, power)| {
+        let found = power.power.filter(|found| *found < USUAL_POWER)?;
+        Some((
+            found,
+            power.runs_needed[0],
+            &plan.study().claims[*index].text,
+        ))
+    });
+    for (found, needed, claim) in low {
+        let needed = needed.map_or(format!("more than {MAX_RUNS}"), |runs| runs.to_string());
+        note!(
+            "warning: power {found:.2}: this claim will probably stay open; {needed} runs per cell have a power of \
+             {USUAL_POWER}: {claim}"
+        );
+    }
 }
 
 /// Prints the power of each confirmatory claim.

@@ -42,7 +42,7 @@ pub(super) fn run_one(
         .stored_run(run)
         .is_some_and(|stored| keeps_result(&args.execution, &stored));
     if !was_stored {
-        print_failures(&execute_runs(&args.execution, &[*run], folder, &plan.name)?);
+        print_failures(&execute_runs(&args.execution, &[*run], folder, plan)?);
     }
     let Some(stored) = folder.stored_run(run) else {
         return Err(interruption_error(&plan.name));
@@ -87,7 +87,7 @@ pub(super) fn run_shard(
     );
     say!("results    {}", folder.runs_folder().display());
     let started = Instant::now();
-    execute_runs(&args.execution, &missing, folder, &plan.name)?;
+    execute_runs(&args.execution, &missing, folder, plan)?;
     if !missing.is_empty() {
         print_finished(missing.len(), jobs(&args.execution), started);
     }
@@ -170,7 +170,7 @@ fn run_missing(
     }
     print_results_of_others(plan);
     let started = Instant::now();
-    let failures = execute_runs(&args.execution, &missing, folder, &plan.name)?;
+    let failures = execute_runs(&args.execution, &missing, folder, plan)?;
     if to_run > 0 {
         print_finished(to_run, jobs(&args.execution), started);
     }

@@ -97,14 +97,16 @@ async function loadRun(data, axes) {
   return run;
 }
 
-/** The filmed states one after the other, with the poses of all bodies and the ground of their episode. */
+/** The filmed states one after the other, with the poses of all bodies and the ground of their episode; `episodes` has the
+    index of the first state of each filmed episode and the number of its states. */
 async function loadFilm(run, data, axes) {
-  const film = { ...data.film, states: [], levels: axes.map(() => []) };
+  const film = { ...data.film, states: [], episodes: [], levels: axes.map(() => []) };
   for (const [f, filmed] of data.filmed.entries()) {
     const e = findEpisode(run.episodes, filmed.agent, filmed.episode);
     const levels = await Promise.all(filmed.levels.map((text) => text && decode(text, filmed.states, 2)));
     const poses = await Promise.all(data.film.poses[f].map((text) => decode(text, filmed.states, 2)));
     const terrain = data.film.terrain[f];
+    film.episodes.push({ e, agent: filmed.agent, episode: filmed.episode, first: film.states.length, count: filmed.states });
     for (let step = 0; step < filmed.states; step++) {
       film.states.push({ e, agent: filmed.agent, episode: filmed.episode, step, poses, terrain });
       axes.forEach((_, a) => film.levels[a].push(levels[a]?.[step] ?? run.episodeLevels[a]?.[e] ?? MISSING));

@@ -1,7 +1,7 @@
 "use strict";
 /* The page: one view of all runs, its controls, and its panels. */
 
-const COLORS = ["density", "agent", "episode", "return", "difference"];
+const COLORS = ["density", "agent", "outcome", "episode", "return", "difference"];
 /** Maximum number of agents with a chip. */
 const MAX_CHIPS = 64;
 /** Milliseconds between two pictures while playing, and number of pictures for all episodes. */
@@ -21,7 +21,9 @@ class App {
     this.isDark = !this.isEmbedded && matchMedia("(prefers-color-scheme: dark)").matches;
     this.panels = runs.map((run) => new Panel(run, this));
     byId("runs").replaceChildren(...this.panels.map((panel) => panel.element));
+    this.ranges = new Ranges(this);
     this.makeControls();
+    showHint(this);
     this.draw();
   }
 
@@ -31,11 +33,22 @@ class App {
     return shown.length > 1 ? shown : this.axes.map((_, a) => a);
   }
 
+  /** Axes of the scatter plot at first: the coordinates of the task, or the first two observations. */
+  firstPair() {
+    const [x, y] = ["x (m)", "y (m)"].map((title) => this.axes.findIndex((axis) => axisTitle(axis) === title));
+    if (x >= 0 && y >= 0) return [x, y];
+    return this.axes.length > 1 ? [0, 1] : [0, 0];
+  }
+
+  /** What states can be colored by. */
+  colors() {
+    return COLORS.filter((name) => name !== "outcome" || this.runs.every((run) => run.has_outcomes));
+  }
+
   /* ---- changes of the view ---- */
 
   setBrush(a, brush) {
     this.view.brushes[a] = brush && withoutFull(brush);
-    this.view.order = [...this.view.order.filter((other) => other !== a), a];
     this.redraw();
   }
 
@@ -46,6 +59,7 @@ class App {
 
   reset() {
     fromHash(this, "");
+    this.ranges.opened.clear();
     this.redraw();
   }
 
@@ -59,6 +73,7 @@ class App {
     this.waiting = null;
     this.theme = themeColors(this.palette, this.isDark);
     document.documentElement.dataset.theme = this.isDark ? "dark" : "light";
+    if (this.view.brushes.some(Boolean)) this.hint?.remove();
     for (const panel of this.panels) panel.draw();
     this.updateControls();
     clearTimeout(this.linking);
@@ -74,7 +89,7 @@ class App {
   /* ---- controls ---- */
 
   makeControls() {
-    byId("color").replaceChildren(...COLORS.map((name) => new Option(COLOR_TITLES[name], name)));
+    byId("color").replaceChildren(...this.colors().map((name) => new Option(COLOR_TITLES[name], name)));
     byId("compared").replaceChildren(...Array.from({ length: this.agentCount }, (_, agent) => new Option(`agent ${agent}`, agent)));
     byId("color").onchange = (event) => {
       const { agents, compared } = this.view;
@@ -91,6 +106,7 @@ class App {
     this.makeChips();
     this.makeAxesMenu();
     this.makeSlider();
+    makeMenus();
     byId("copy-link").hidden = byId("copy-command").hidden = this.isEmbedded;
     byId("copy-link").onclick = () => {
       this.updateAddress();
@@ -187,11 +203,12 @@ class App {
     byId("theme").textContent = this.isDark ? "Light" : "Dark";
     byId("play").textContent = this.playing ? "Pause" : "Play";
     [byId("from").value, byId("to").value] = [view.from, view.to];
-    byId("episode-range").textContent = `episodes ${view.from} to ${view.to} of ${view.first} to ${view.last}`;
+    byId("episode-range").textContent = `${view.from} to ${view.to}` + (view.from > view.first || view.to < view.last ? ` (of ${view.first} to ${view.last})` : "");
     this.axisBoxes.forEach((box, a) => (box.firstChild.checked = view.axes.includes(a)));
     byId("agent-list").value = view.agents ? formatList(view.agents) : "";
     this.updateChips();
-    byId("key").textContent = keyText(this);
+    byId("key").replaceChildren(...legendOf(this));
+    this.ranges.update();
   }
 
   updateChips() {
@@ -211,22 +228,34 @@ class App {
 const COLOR_TITLES = {
   density: "number of states",
   agent: "agent",
+  outcome: "end of the episode",
   episode: "episode",
   return: "return of the episode",
   difference: "difference from the team",
 };
 
-/** What colors mean. */
-function keyText({ view, panels }) {
-  const most = formatCount(Math.max(...panels.map((panel) => panel.maxLines)));
-  const range = (low, high) => `dark: ${formatNumber(low)}, bright: ${formatNumber(high)} (mean of the states)`;
-  return {
-    density: `darker (on dark pages: brighter): more lines per pixel, up to ${most}; logarithmic`,
-    agent: "color of the agent with most states; gray: shared by agents, or agents after the first eight",
-    episode: range(view.from, view.to),
-    return: range(...view.returns),
-    difference: `share of the states of agent ${view.compared} minus share of the team's: orange above, blue below; between each two axes on a scale of its own`,
-  }[view.color];
+/** One menu is open at a time; Escape and a click elsewhere close it. */
+function makeMenus() {
+  const menus = [...document.querySelectorAll("details")];
+  const closeOthers = (target) => menus.forEach((menu) => (menu.contains(target) ? null : (menu.open = false)));
+  addEventListener("pointerdown", ({ target }) => closeOthers(target));
+  addEventListener("focusin", ({ target }) => closeOthers(target));
+  addEventListener("keydown", ({ key }) => {
+    const menu = key === "Escape" && menus.find(({ open }) => open);
+    if (!menu) return;
+    menu.open = false;
+    menu.firstElementChild.focus();
+  });
+}
+
+/** Says what to do, until there is a range. */
+function showHint(app) {
+  const { brushes, agents, from, to, first, last } = app.view;
+  if (brushes.some(Boolean) || agents || from > first || to < last) return;
+  const isTouched = matchMedia("(any-pointer: coarse)").matches && !matchMedia("(any-hover: hover)").matches;
+  const text = `${isTouched ? "Slide a finger" : "Drag"} along an axis to select states`;
+  app.hint = Object.assign(document.createElement("div"), { className: "hint", textContent: text });
+  app.panels[0].plot.parentElement.append(app.hint);
 }
 
 function byId(id) {

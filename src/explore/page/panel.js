@@ -1,33 +1,26 @@
 "use strict";
-/* The part of the page that shows one run: parallel coordinates with brushes, a scatter plot and a scene. */
+/* The part of the page that shows one run: parallel coordinates with brushes, a scatter plot and a film. */
 
-const HEIGHT = 380;
-const MARGIN = { top: 46, right: 56, bottom: 26, left: 56 };
-/** Distance from an axis, in pixels, within which a pointer is on it. */
+const MARGIN = { top: 46, right: 44, bottom: 26, left: 44 };
+/** Minimum distance of axes, in pixels; where there is less room, people scroll. */
+const MIN_GAP = 48;
+/** Distance from an axis, in pixels, within which a pointer is on it, and from its upper end, above which its title is. */
 const REACH = 22;
-const SCATTER_SIZE = 230;
+const TITLE_DISTANCE = 12;
 
 class Panel {
   constructor(run, app) {
-    Object.assign(this, { run, app, buffers: [new Uint32Array(run.kept), new Uint32Array(run.kept), new Uint32Array(run.kept)] });
+    Object.assign(this, { run, app, contextNumber: 0, buffers: [new Uint32Array(run.kept), new Uint32Array(run.kept), new Uint32Array(run.kept)] });
     this.image = document.createElement("canvas");
     this.contextImage = document.createElement("canvas");
-    this.scatterImage = document.createElement("canvas");
-    this.element = document.createElement("section");
-    this.element.innerHTML = `<h2></h2><p class="counts"></p><div class="row"><div class="plot"><canvas tabindex="-1"></canvas></div>
-      <div class="side"><canvas class="scatter" width="${2 * SCATTER_SIZE}" height="${2 * SCATTER_SIZE}"></canvas>
-      <figure hidden><canvas class="scene" width="460" height="300"></canvas><figcaption></figcaption></figure></div></div>`;
+    this.element = byId("run").content.firstElementChild.cloneNode(true);
     const find = (selector) => this.element.querySelector(selector);
-    this.counts = find(".counts");
-    this.plot = find(".plot");
-    this.canvas = find(".plot canvas");
-    this.scatter = find(".scatter");
-    this.figure = find("figure");
+    [this.counts, this.plot, this.canvas, this.mark] = [".counts", ".parallel", ".lines", ".plot .mark"].map(find);
     find("h2").textContent = run.name;
-    this.figure.hidden = !run.film;
-    /* The filmed state that is shown; its line is drawn once the pointer chose it. */
-    this.filmed = run.film ? Math.min(run.film.states.length - 1, 0) : -1;
-    this.isPointed = false;
+    find(".film").hidden = !run.film;
+    find(".panels").classList.toggle("without-film", !run.film);
+    this.scatter = new Scatter(this);
+    this.player = run.film && new Player(this);
     this.handles = [];
     this.listen();
   }
@@ -38,11 +31,17 @@ class Panel {
     canvas.addEventListener("pointermove", (event) => this.movePointer(event));
     canvas.addEventListener("pointerup", () => this.endBrush());
     canvas.addEventListener("pointercancel", () => this.endBrush());
-    new ResizeObserver(() => this.app.redraw()).observe(this.plot);
+    canvas.addEventListener("click", (event) => this.openTitle(event));
+    const observer = new ResizeObserver(() => this.app.redraw());
+    for (const part of this.element.querySelectorAll(".plot, .picture")) observer.observe(part);
   }
 
   get width() {
     return Math.max(this.plot.clientWidth, 300);
+  }
+
+  get height() {
+    return Math.max(this.plot.clientHeight, 200);
   }
 
   /** Horizontal position of the axis at `index` from the left. */
@@ -52,11 +51,11 @@ class Panel {
   }
 
   y(level) {
-    return HEIGHT - MARGIN.bottom - (level / MAX_LEVEL) * (HEIGHT - MARGIN.top - MARGIN.bottom);
+    return this.height - MARGIN.bottom - (level / MAX_LEVEL) * (this.height - MARGIN.top - MARGIN.bottom);
   }
 
   levelAt(y) {
-    const share = (HEIGHT - MARGIN.bottom - y) / (HEIGHT - MARGIN.top - MARGIN.bottom);
+    const share = (this.height - MARGIN.bottom - y) / (this.height - MARGIN.top - MARGIN.bottom);
     return Math.round(Math.min(Math.max(share, 0), 1) * MAX_LEVEL);
   }
 
@@ -74,10 +73,22 @@ class Panel {
     return distances[nearest] <= REACH ? nearest : -1;
   }
 
+  isOnTitle(y) {
+    return y < this.y(MAX_LEVEL) - TITLE_DISTANCE;
+  }
+
+  /** A click on the title of an axis lets a person type its range. */
+  openTitle(event) {
+    const [x, y] = this.position(event);
+    const index = this.axisAt(x);
+    if (index >= 0 && this.isOnTitle(y)) this.app.ranges.open(this.app.view.axes[index]);
+  }
+
   startBrush(event) {
     const [x, y] = this.position(event);
     const index = this.axisAt(x);
-    if (index < 0 || event.button > 0) return;
+    if (event.pointerType === "touch") this.point(x, y);
+    if (index < 0 || event.button > 0 || this.isOnTitle(y)) return;
     event.preventDefault();
     this.canvas.setPointerCapture(event.pointerId);
     const axis = this.app.view.axes[index];
@@ -92,7 +103,10 @@ class Panel {
   movePointer(event) {
     const [x, y] = this.position(event);
     if (!this.drag) {
-      this.canvas.style.cursor = this.axisAt(x) >= 0 ? "ns-resize" : "crosshair";
+      const isOnAxis = this.axisAt(x) >= 0;
+      const isOnTitle = isOnAxis && this.isOnTitle(y);
+      this.canvas.style.cursor = isOnTitle ? "pointer" : isOnAxis ? "ns-resize" : "crosshair";
+      this.canvas.title = isOnTitle ? "Click: type a range" : "";
       this.point(x, y);
       return;
     }
@@ -110,14 +124,14 @@ class Panel {
     this.drag = null;
   }
 
-  /** Shows the filmed state that is nearest to the pointer. */
+  /** Shows the filmed state that is nearest to the pointer, unless a film is played. */
   point(x, y) {
+    const { player } = this;
+    if (!player || player.playing) return;
     const last = this.app.view.axes.length - 1;
     const at = Math.min(Math.max(((x - this.x(0)) / (this.x(last) - this.x(0) || 1)) * last, 0), last);
     const nearest = nearestFilmed(this.run, this.app.view, at, this.levelAt(y) / MAX_LEVEL);
-    if (nearest < 0 || (this.isPointed && nearest === this.filmed)) return;
-    [this.filmed, this.isPointed] = [nearest, true];
-    this.app.redraw();
+    if (nearest >= 0 && !(player.isMarked && nearest === player.state)) player.show(nearest);
   }
 
   /* ---- drawing ---- */
@@ -126,15 +140,10 @@ class Panel {
     const { view, theme } = this.app;
     this.selectStates();
     this.paint(theme);
-    const ratio = Math.min(globalThis.devicePixelRatio || 1, 2);
-    this.canvas.width = this.width * ratio;
-    this.canvas.height = HEIGHT * ratio;
-    this.canvas.style.height = `${HEIGHT}px`;
-    const context = this.canvas.getContext("2d");
-    context.scale(ratio, ratio);
-    this.drawOn(new CanvasPen(context, theme.page), theme);
-    this.drawScatter(theme);
-    if (this.filmed >= 0) this.drawFilmed(theme);
+    this.plot.style.minWidth = `${MARGIN.left + MARGIN.right + MIN_GAP * (view.axes.length - 1)}px`;
+    this.drawOn(new CanvasPen(fitCanvas(this.canvas)[0], theme.page), theme);
+    this.scatter.draw();
+    if (this.player) this.player.draw();
     this.placeHandles();
     this.counts.textContent = this.countsText();
     this.canvas.setAttribute("aria-label", `Parallel coordinates of ${view.axes.length} axes. ${this.counts.textContent}`);
@@ -146,7 +155,10 @@ class Panel {
     const key = JSON.stringify([view.from, view.to, view.agents && [...view.agents], view.axes, this.app.isDark]);
     this.isContextOld = key !== this.contextKey;
     this.contextKey = key;
-    if (this.isContextOld) this.context = select(run, view, false, this.buffers[0]);
+    if (this.isContextOld) {
+      this.contextNumber++;
+      this.context = select(run, view, false, this.buffers[0]);
+    }
     const hasBrush = view.brushes.some(Boolean);
     this.selection = hasBrush ? select(run, view, true, this.buffers[1]) : this.context;
     /* The difference is that from the whole team, of which chips may hide agents. */
@@ -170,7 +182,7 @@ class Panel {
         setPixel(rgba, offset, theme.muted, 0.35 * logShare(context.counts[pixel], max));
       });
     }
-    const lines = new Lines(gaps, ["agent", "episode", "return"].includes(this.app.view.color));
+    const lines = new Lines(gaps, !["density", "difference"].includes(this.app.view.color));
     for (let gap = 0; gap < gaps; gap++) {
       const colors = painter.colorsOfPairs(axes[gap], axes[gap + 1], this.drawn);
       lines.add(gap, painter.weights, colors);
@@ -210,7 +222,6 @@ class Panel {
     const hasBrush = view.brushes.some(Boolean);
     if (hasBrush || view.color === "difference") pen.image(this.contextImage, left, top, right - left, bottom - top);
     pen.image(this.image, left, top, right - left, bottom - top);
-    if (this.isPointed) this.drawFilmedLine(pen, theme);
     for (const [index, a] of view.axes.entries()) this.drawAxis(pen, theme, this.x(index), axes[a], a);
   }
 
@@ -243,86 +254,35 @@ class Panel {
     if (nan) pen.text(`NaN ${formatShare(nan / this.run.kept)}`, x, bottom + (below ? 24 : 14), theme.warning, 10, "center", 90);
   }
 
+  /** Marks the filmed state that is shown: a line here, a dot in the scatter plot. */
+  drawMarks() {
+    const { theme } = this.app;
+    this.drawFilmedLine(new CanvasPen(fitCanvas(this.mark)[0], theme.page), theme);
+    this.scatter.drawMark(theme);
+  }
+
   drawFilmedLine(pen, theme) {
     const { film } = this.run;
-    const points = this.app.view.axes.map((a, index) => [this.x(index), this.y(film.levels[a][this.filmed])]);
-    pen.line(points.filter((_, index) => film.levels[this.app.view.axes[index]][this.filmed] !== MISSING), theme.text, 2);
-  }
-
-  drawFilmed(theme) {
-    const { film } = this.run;
-    const { agent, episode, step } = film.states[this.filmed];
-    const accent = theme.categorical[agent % theme.categorical.length];
-    drawScene(this.figure.querySelector("canvas"), film, this.filmed, { ...theme, accent });
-    this.figure.querySelector("figcaption").textContent = `${this.isPointed ? "filmed state nearest to the pointer" : "filmed states: point at a line"}: agent ${agent}, episode ${episode}, step ${step}`;
-  }
-
-  /** The two axes brushed last, or else the first two. */
-  scatterAxes() {
-    const { view } = this.app;
-    const brushed = view.order.filter((a) => view.brushes[a] && view.axes.includes(a));
-    const others = view.axes.filter((a) => !brushed.includes(a));
-    const [first, second] = [...brushed.slice(-2), ...others];
-    return view.axes.indexOf(first) < view.axes.indexOf(second) ? [first, second] : [second, first];
-  }
-
-  drawScatter(theme) {
-    const [x, y] = this.scatterAxes();
-    if (y === undefined) return;
-    const weights = new Float32Array(BINS * BINS);
-    countPairs(this.run, x, y, this.context, weights);
-    const max = largest(weights);
-    const colors = this.painter.colorsOfPairs(x, y, this.drawn);
-    const selected = this.painter.weights;
-    const channels = colors && [0, 1, 2].map((c) => Float32Array.from(selected, (count, pair) => (count ? count * colors[pair][c] : 0)));
-    const shade = this.shader(selected, channels, [largest(selected)], BINS * BINS, theme);
-    const { scatterImage } = this;
-    [scatterImage.width, scatterImage.height] = [BINS, BINS];
-    const context = scatterImage.getContext("2d");
-    const image = context.createImageData(BINS, BINS);
-    for (let pair = 0; pair < BINS * BINS; pair++) {
-      const offset = 4 * ((BINS - 1 - (pair % BINS)) * BINS + Math.floor(pair / BINS));
-      if (weights[pair]) setPixel(image.data, offset, theme.muted, 0.35 * logShare(weights[pair], max));
-      shade(pair, image.data, offset);
-    }
-    context.putImageData(image, 0, 0);
-    const screen = this.scatter.getContext("2d");
-    screen.setTransform(2, 0, 0, 2, 0, 0);
-    screen.clearRect(0, 0, SCATTER_SIZE, SCATTER_SIZE);
-    this.drawScatterOn(new CanvasPen(screen, theme.page), theme, x, y);
-  }
-
-  drawScatterOn(pen, theme, x, y) {
-    const { axes } = this.app;
-    const [left, top, size] = [34, 8, SCATTER_SIZE - 46];
-    pen.image(this.scatterImage, left, top, size, size);
-    pen.line([[left, top], [left, top + size], [left + size, top + size]], theme.axis, 1);
-    pen.text(axisTitle(axes[x]), left + size / 2, top + size + 27, theme.text, 11, "center", size);
-    pen.text(axisTitle(axes[y]), 10, top + size / 2, theme.text, 11, "center", size, -90);
-    for (const value of ticks(axes[x], 3)) {
-      const share = (value - axes[x].low) / (axes[x].high - axes[x].low);
-      pen.text(formatNumber(value), left + share * size, top + size + 13, theme.tick, 10, "center", 60);
-    }
-    for (const value of ticks(axes[y], 3)) {
-      const share = (value - axes[y].low) / (axes[y].high - axes[y].low);
-      pen.text(formatNumber(value), left - 3, top + (1 - share) * size + 3, theme.tick, 10, "right", 28);
-    }
+    const { state, isMarked } = this.player ?? {};
+    const points = isMarked ? this.app.view.axes.map((a, index) => [this.x(index), film.levels[a][state]]) : [];
+    const known = points.filter(([, level]) => level !== MISSING).map(([x, level]) => [x, this.y(level)]);
+    pen.line(known, theme.page, 5);
+    pen.line(known, theme.text, 2.5);
   }
 
   countsText() {
     const { run, selection } = this;
     const agents = selection.ofAgent.reduce((count, states) => count + (states ? 1 : 0), 0);
     const plural = (count, noun) => `${formatCount(count)} ${noun}${count === 1 ? "" : "s"}`;
-    const every = run.kept < run.states ? ` (a sample of ${formatCount(run.states)})` : "";
-    if (!run.has_outcomes) {
-      return `${formatCount(selection.count)} of ${plural(run.kept, "state")}, a sample of ${formatCount(run.states)}`;
-    }
+    const every = run.kept < run.states ? ` (sampled from ${formatCount(run.states)})` : "";
+    const states = `${formatCount(selection.count)} of ${plural(run.kept, "state")}${every}`;
+    if (!run.has_outcomes) return states;
     const truncated = selection.episodes - selection.terminated;
     const ends = `${formatCount(selection.terminated)} terminated, ${formatCount(truncated)} truncated, `;
     const known = selection.episodes - selection.nanReturns;
-    const without = selection.nanReturns ? ` without ${formatCount(selection.nanReturns)} NaN` : "";
+    const without = selection.nanReturns ? `, ${formatCount(selection.nanReturns)} NaN left out` : "";
     const mean = `mean return ${known ? formatNumber(selection.returns / known, 4) : "–"}${without}`;
-    return `${formatCount(selection.count)} of ${plural(run.kept, "state")}${every}, ${plural(selection.episodes, "episode")} (${ends}${mean}), ${plural(agents, "agent")}`;
+    return `${states}, ${plural(selection.episodes, "episode")} (${ends}${mean}), ${plural(agents, "agent")}`;
   }
 
   /* ---- handles, by which the keyboard moves the ends of brushes ---- */
@@ -361,6 +321,7 @@ class Panel {
     const steps = { ArrowUp: size, ArrowRight: size, ArrowDown: -size, ArrowLeft: -size, PageUp: MAX_LEVEL / 4, PageDown: -MAX_LEVEL / 4, Home: -MAX_LEVEL, End: MAX_LEVEL };
     const brush = this.app.view.brushes[a] ?? [0, MAX_LEVEL];
     if (event.key === "Delete" || event.key === "Backspace") this.app.setBrush(a, null);
+    else if (event.key === "Enter") this.app.ranges.open(a);
     else if (event.key in steps) this.app.setBrush(a, movedEnd(brush, end, steps[event.key]));
     else return;
     event.preventDefault();

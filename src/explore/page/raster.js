@@ -107,13 +107,10 @@ class Painter {
     this.weights = new Float32Array(BINS * BINS);
     this.others = new Float32Array(BINS * BINS);
     this.nans = new Float32Array(BINS * BINS);
-    const isByAgent = view.color === "agent";
-    this.highlighted = isByAgent ? highlightedAgents(run, view) : [];
-    const others = this.highlighted.length;
-    /* The class of an episode is the index of its agent among those with a color, or the last one. */
-    const classOf = (agent) => (this.highlighted.indexOf(agent) + others + 1) % (others + 1);
-    this.classes = isByAgent ? Uint8Array.from(run.episodes.agent, classOf) : null;
-    this.classCounts = isByAgent ? new Float32Array((others + 1) * BINS * BINS) : null;
+    const { classes, colors } = classesOf(run, view, theme);
+    this.classes = classes;
+    this.classTables = colors.map((color) => colorTable([theme.muted, color]));
+    this.classCounts = classes && new Float32Array((colors.length + 1) * BINS * BINS);
   }
 
   /** Weights (in `this.weights`) and colors of the pairs of two axes. */
@@ -121,7 +118,8 @@ class Painter {
     const { run, view } = this;
     switch (view.color) {
       case "agent":
-        return this.agentColors(first, second, selection);
+      case "outcome":
+        return this.classColors(first, second, selection);
       case "episode":
         return this.valueColors(first, second, selection, run.episodes.episode, [view.from, view.to]);
       case "return":
@@ -156,14 +154,12 @@ class Painter {
     }
   }
 
-  /** The color of the agent with most states of a pair, grayer the more others share them. */
-  agentColors(first, second, selection) {
+  /** The color of the class with most states of a pair, grayer the more others share them. */
+  classColors(first, second, selection) {
     countClasses(this.run, first, second, selection, this.classes, this.classCounts);
     this.sumClasses();
-    const { categorical, muted } = this.theme;
-    const even = 1 / Math.max(this.highlighted.length, 2);
-    const tables = this.highlighted.map((agent) => colorTable([muted, categorical[agent % categorical.length]]));
-    const { weights, classCounts } = this;
+    const { weights, classCounts, classTables: tables } = this;
+    const even = 1 / Math.max(tables.length, 2);
     const colors = new Array(weights.length).fill(null);
     for (let pair = 0; pair < weights.length; pair++) {
       if (!weights[pair]) continue;
@@ -173,7 +169,7 @@ class Painter {
       }
       const share = classCounts[most * weights.length + pair] / weights[pair];
       const purity = Math.max((share - even) / (1 - even), 0);
-      colors[pair] = most === tables.length ? muted : tables[most][Math.round(255 * (0.25 + 0.75 * purity))];
+      colors[pair] = most === tables.length ? this.theme.muted : tables[most][Math.round(255 * (0.25 + 0.75 * purity))];
     }
     return colors;
   }
@@ -181,13 +177,37 @@ class Painter {
   /** Replaces weights by the share of the compared agent's states minus that of the team's. */
   differences(first, second, selection) {
     const { run, view } = this;
-    const own = selection.ofAgent[view.compared] || 1;
+    const own = selection.ofAgent[view.compared];
     const isCompared = Float32Array.from(run.episodes.agent, (agent) => (agent === view.compared ? 1 : 0));
     sumPairs(run, first, second, selection, isCompared, this.weights, this.others, this.nans);
-    for (let pair = 0; pair < this.weights.length; pair++) {
-      this.weights[pair] = this.others[pair] / own - this.weights[pair] / (selection.count || 1);
-    }
+    const team = this.weights.slice();
+    this.weights.set(this.others);
+    subtractShares(this.weights, own, team, selection.count);
   }
+}
+
+/** Replaces numbers by their share of `sum` minus the share of the team's numbers. */
+function subtractShares(numbers, sum, team, teamSum) {
+  for (let i = 0; i < numbers.length; i++) numbers[i] = numbers[i] / (sum || 1) - team[i] / (teamSum || 1);
+}
+
+/** Classes of episodes that have a color, and these colors. The class after the last one is gray. */
+function classesOf(run, view, theme) {
+  const { agent, terminated } = run.episodes;
+  if (view.color === "outcome") return { classes: Uint8Array.from(terminated, (is) => 1 - is), colors: outcomeColors(theme) };
+  if (view.color !== "agent") return { classes: null, colors: [] };
+  const highlighted = highlightedAgents(run, view);
+  const classOf = Array.from({ length: run.agents }, (_, a) => (highlighted.includes(a) ? highlighted.indexOf(a) : highlighted.length));
+  return { classes: Uint8Array.from(agent, (a) => classOf[a]), colors: highlighted.map((a) => agentColor(theme, a)) };
+}
+
+function agentColor({ categorical }, agent) {
+  return categorical[agent % categorical.length];
+}
+
+/** Colors of terminated and of truncated episodes, as in figures. */
+function outcomeColors({ categorical }) {
+  return [categorical[0], categorical[3]];
 }
 
 /** At most eight agents that have a color: those chosen by chips, or the first ones. */

@@ -111,6 +111,24 @@ function sumPairs(run, first, second, { list, count }, numbers, counts, sums, na
   }
 }
 
+/** The selected states of each of these agents, as further selections. `buffer` has room for all of them. */
+function splitByAgent(run, selection, agents, buffer) {
+  let start = 0;
+  const parts = agents.map((agent) => {
+    const list = buffer.subarray(start, start + selection.ofAgent[agent]);
+    start += list.length;
+    return { list, count: 0, agent };
+  });
+  const partOf = Array.from({ length: run.agents }, (_, agent) => parts.find((part) => part.agent === agent));
+  const { episodeOf, episodes } = run;
+  for (let k = 0; k < selection.count; k++) {
+    const i = selection.list[k];
+    const part = partOf[episodes.agent[episodeOf[i]]];
+    if (part) part.list[part.count++] = i;
+  }
+  return parts;
+}
+
 /** Number of selected states per class of their episode and pair of bins: `[classes × BINS × BINS]`. */
 function countClasses(run, first, second, { list, count }, classes, counts) {
   counts.fill(0);

@@ -7,8 +7,8 @@ class CanvasPen {
     Object.assign(this, { context, page });
   }
 
-  image(canvas, x, y, width, height) {
-    this.context.imageSmoothingEnabled = true;
+  image(canvas, x, y, width, height, isPixelated = false) {
+    this.context.imageSmoothingEnabled = !isPixelated;
     this.context.drawImage(canvas, x, y, width, height);
   }
 
@@ -21,12 +21,34 @@ class CanvasPen {
     context.stroke();
   }
 
+  /** A closed shape, or a line of this thickness with round ends. */
+  shape(points, thickness, color) {
+    const { context } = this;
+    context.beginPath();
+    for (const [x, y] of points) context.lineTo(x, y);
+    context.fillStyle = context.strokeStyle = `rgb(${color})`;
+    [context.lineCap, context.lineWidth] = ["round", Math.max(thickness ?? 1, 1)];
+    if (thickness === null) context.fill();
+    else context.stroke();
+  }
+
+  /** Leaves out what `draw` draws outside a rectangle. */
+  clip({ left, top, width, height }, draw) {
+    this.context.save();
+    this.context.beginPath();
+    this.context.rect(left, top, width, height);
+    this.context.clip();
+    draw();
+    this.context.restore();
+  }
+
   box(x, y, width, height, color) {
     this.context.fillStyle = `rgba(${color},.35)`;
-    this.context.strokeStyle = `rgb(${color})`;
-    this.context.lineWidth = 1;
     this.context.fillRect(x, y, width, height);
-    this.context.strokeRect(x, y, width, height);
+    for (const [stroke, lineWidth] of [[this.page, 4], [color, 2]]) {
+      Object.assign(this.context, { strokeStyle: `rgb(${stroke})`, lineWidth });
+      this.context.strokeRect(x, y, width, height);
+    }
   }
 
   text(text, x, y, color, size, align, maxWidth, angle = 0) {
@@ -52,10 +74,24 @@ class SvgPen {
     Object.assign(this, { page, elements: [] });
   }
 
-  image(canvas, x, y, width, height) {
+  image(canvas, x, y, width, height, isPixelated = false) {
+    const rendering = isPixelated ? ' image-rendering="pixelated"' : "";
     this.elements.push(
-      `<image x="${x}" y="${y}" width="${width}" height="${height}" preserveAspectRatio="none" href="${canvas.toDataURL()}"/>`,
+      `<image x="${x}" y="${y}" width="${width}" height="${height}" preserveAspectRatio="none"${rendering} href="${canvas.toDataURL()}"/>`,
     );
+  }
+
+  shape(points, thickness, color) {
+    const list = points.map((point) => point.map((value) => value.toFixed(1)).join()).join(" ");
+    const style = thickness === null ? `fill="rgb(${color})"` : `fill="none" stroke="rgb(${color})" stroke-linecap="round" stroke-width="${Math.max(thickness, 1)}"`;
+    this.elements.push(`<polyline points="${list}" ${style}/>`);
+  }
+
+  /** An inner picture, of which browsers show nothing outside. */
+  clip({ left, top, width, height }, draw) {
+    this.elements.push(`<svg x="${left}" y="${top}" width="${width}" height="${height}" viewBox="${left} ${top} ${width} ${height}">`);
+    draw();
+    this.elements.push("</svg>");
   }
 
   line(points, color, width) {
@@ -64,8 +100,10 @@ class SvgPen {
   }
 
   box(x, y, width, height, color) {
+    const place = `x="${x}" y="${y}" width="${width}" height="${height}"`;
     this.elements.push(
-      `<rect x="${x}" y="${y}" width="${width}" height="${height}" fill="rgb(${color})" fill-opacity=".35" stroke="rgb(${color})"/>`,
+      `<rect ${place} fill="none" stroke="rgb(${this.page})" stroke-width="4"/>`,
+      `<rect ${place} fill="rgb(${color})" fill-opacity=".35" stroke="rgb(${color})" stroke-width="2"/>`,
     );
   }
 
@@ -101,6 +139,8 @@ function toHash(app) {
   if (view.from > view.first || view.to < view.last) parts.push(`episodes=${view.from}-${view.to}`);
   if (view.color !== "density") parts.push(`color=${view.color}`);
   if (view.color === "difference") parts.push(`compared=${view.compared}`);
+  if (view.scatter.join() !== app.firstPair().join()) parts.push(`scatter=${view.scatter.map(name).join(",")}`);
+  if (view.isPerAgent) parts.push("per=agent");
   if (view.axes.join() !== app.shownAxes().join()) parts.push(`axes=${view.axes.map(name).join(",")}`);
   return parts.join("&");
 }
@@ -134,23 +174,25 @@ function fromHash(app, hash) {
   const raw = new Map(hash.split("&").map((part) => [part.split("=")[0], part.slice(part.indexOf("=") + 1)]));
   const axisNamed = (text) => axes.findIndex((_, a) => sameName(text, addressName(axes, a)));
   view.brushes = axes.map(() => null);
-  view.order = [];
   for (const part of (raw.get("brush") ?? "").split(",").filter(Boolean)) {
     const [name, low, high] = part.split(":");
     const a = axisNamed(name);
     if (a < 0 || high === undefined) continue;
     const brush = brushOf(axes[a], low === "" ? -Infinity : Number(low), high === "" ? Infinity : Number(high));
     if (brush && brush.every(Number.isFinite)) view.brushes[a] = withoutFull(brush);
-    view.order.push(a);
   }
   const agents = parameters.get("agents");
   view.agents = agents === null ? null : parseList(agents, app.agentCount);
   const episodes = /^(\d+)-(\d+)$/.exec(parameters.get("episodes") ?? "");
   [view.from, view.to] = episodes ? [Number(episodes[1]), Number(episodes[2])] : [view.first, view.last];
   const color = parameters.get("color");
-  view.color = COLORS.includes(color) ? color : "density";
+  view.color = app.colors().includes(color) ? color : "density";
   view.compared = Math.min(Number(parameters.get("compared")) || 0, app.agentCount - 1);
-  const shown = (raw.get("axes") ?? "").split(",").filter(Boolean).map(axisNamed).filter((a) => a >= 0);
+  const axesOf = (key) => (raw.get(key) ?? "").split(",").filter(Boolean).map(axisNamed).filter((a) => a >= 0);
+  const scatter = axesOf("scatter");
+  view.scatter = scatter.length === 2 ? scatter : app.firstPair();
+  view.isPerAgent = parameters.get("per") === "agent";
+  const shown = axesOf("axes");
   view.axes = shown.length > 1 ? shown : app.shownAxes();
 }
 
@@ -174,7 +216,7 @@ function toCommand(app) {
   const { view, axes } = app;
   const what = view.color === "difference" ? "difference" : "visitation";
   const words = ["seedbed", "plot", ...app.runs.map((run) => run.path), "--what", what];
-  if (["agent", "episode", "return"].includes(view.color)) words.push("--color", view.color);
+  if (["agent", "outcome", "episode", "return"].includes(view.color)) words.push("--color", view.color);
   if (view.agents) words.push("--agents", [...view.agents].sort((one, other) => one - other).join(","));
   if (view.from > view.first || view.to < view.last) words.push("--episodes", `${view.from}..${view.to + 1}`);
   for (const [a, brush] of view.brushes.entries()) {
@@ -184,32 +226,48 @@ function toCommand(app) {
   return words.map(shellWord).join(" ");
 }
 
-/** Height of a panel in a picture: its title, its counts and its plot. */
-const PICTURE_HEIGHT = HEIGHT + 50;
+/** Height of the title and the counts above a panel in a picture. */
+const PICTURE_TITLE = 50;
 
-/** Draws all panels, one below the other. */
+/** Parts of a picture: all panels, one below the other, each with its scatter plot at the right. */
+function pictureParts(app) {
+  let bottom = 0;
+  return app.panels.map((panel) => {
+    const [top, width] = [bottom, panel.scatter.canvas.clientWidth];
+    bottom += PICTURE_TITLE + panel.height;
+    return { panel, top, bottom, right: panel.width + width, scatterSize: [width, panel.height] };
+  });
+}
+
+/** Draws all parts. `penOf(x, y)` is a pen whose origin is there. */
 function drawPicture(app, penOf) {
-  for (const [index, panel] of app.panels.entries()) {
-    const pen = penOf(index * PICTURE_HEIGHT);
+  for (const { panel, top, scatterSize } of pictureParts(app)) {
+    const pen = penOf(0, top);
     pen.text(panel.run.name, 12, 22, app.theme.text, 15, "left", panel.width);
     pen.text(panel.counts.textContent, 12, 40, app.theme.tick, 11, "left", panel.width);
-    panel.drawOn(penOf(index * PICTURE_HEIGHT + 50), app.theme);
+    const plot = penOf(0, top + PICTURE_TITLE);
+    panel.drawOn(plot, app.theme);
+    panel.drawFilmedLine(plot, app.theme);
+    panel.scatter.drawOn(penOf(panel.width, top + PICTURE_TITLE), app.theme, scatterSize);
   }
+  /* On the screen, plots have other places. */
+  app.redraw();
 }
 
 function pictureSize(app) {
-  return [Math.max(...app.panels.map((panel) => panel.width)), app.panels.length * PICTURE_HEIGHT];
+  const parts = pictureParts(app);
+  return [Math.max(...parts.map(({ right }) => right)), parts.at(-1).bottom];
 }
 
 function toSvg(app) {
   const [width, height] = pictureSize(app);
   const groups = [];
-  drawPicture(app, (y) => {
+  drawPicture(app, (x, y) => {
     const pen = new SvgPen(app.theme.page);
-    groups.push({ y, pen });
+    groups.push({ x, y, pen });
     return pen;
   });
-  const contents = groups.map(({ y, pen }) => `<g transform="translate(0 ${y})">${pen.elements.join("\n")}</g>`).join("\n");
+  const contents = groups.map(({ x, y, pen }) => `<g transform="translate(${x} ${y})">${pen.elements.join("\n")}</g>`).join("\n");
   return `<svg xmlns="http://www.w3.org/2000/svg" width="${width}" height="${height}" viewBox="0 0 ${width} ${height}"><rect width="100%" height="100%" fill="rgb(${app.theme.page})"/>\n${contents}\n</svg>\n`;
 }
 
@@ -220,8 +278,8 @@ function toPng(app) {
   const context = canvas.getContext("2d");
   context.fillStyle = `rgb(${app.theme.page})`;
   context.fillRect(0, 0, canvas.width, canvas.height);
-  drawPicture(app, (y) => {
-    context.setTransform(2, 0, 0, 2, 0, 2 * y);
+  drawPicture(app, (x, y) => {
+    context.setTransform(2, 0, 0, 2, 2 * x, 2 * y);
     return new CanvasPen(context, app.theme.page);
   });
   return new Promise((resolve) => canvas.toBlob(resolve, "image/png"));

@@ -3,7 +3,7 @@
 use super::colors::StateColors;
 use crate::figures::runs::PlottedRun;
 use crate::figures::settings::FigureSettings;
-use crate::plotting::axis_with_shares;
+use crate::plotting::{are_coordinates, axis_with_shares};
 use crate::record::visitation::Unplaced;
 use crate::review::selection::{GRID_CELLS, SelectedState, SelectedStates, is_sampled};
 use seedbed_env::Quantity;
@@ -66,6 +66,13 @@ impl<'a> StateGroup<'a> {
                 self.state_count_text()
             )
         }
+    }
+
+    /// The pairs of axes of scatter plots, as indices among all axes.
+    pub(super) fn scatter_pairs(&self, settings: &FigureSettings) -> Vec<[usize; 2]> {
+        let axes = self.run.axes.as_ref();
+        axes.and_then(|axes| settings.scatter_pairs(axes).ok())
+            .unwrap_or_default()
     }
 
     /// Indices of the selected axes among all axes of the recording.
@@ -170,10 +177,8 @@ impl<'a> StateGroup<'a> {
     }
 
     /// The walls of the task, if the axes are its coordinates.
-    fn scenery(&self, [x, y]: [&Axis; 2]) -> Vec<Vec<[f32; 2]>> {
-        let are_coordinates =
-            [x, y].map(|axis| (axis.name.as_str(), axis.unit.as_str())) == [("x", "m"), ("y", "m")];
-        if are_coordinates {
+    fn scenery(&self, axes: [&Axis; 2]) -> Vec<Vec<[f32; 2]>> {
+        if are_coordinates(axes) {
             self.run.walls.clone()
         } else {
             Vec::new()

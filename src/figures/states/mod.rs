@@ -7,7 +7,7 @@ mod shares;
 use self::colors::StateColors;
 pub(super) use self::group::StateGroup;
 use self::shares::{density_key, scale_to_largest};
-use super::settings::{FigureSettings, axis_pairs};
+use super::settings::FigureSettings;
 use crate::record::visitation::share_difference;
 use crate::review::selection::{GRID_CELLS, SelectedStates};
 use seedbed_figure::{DensityImage, DifferenceImage, Key, Panel, StateLine, States};
@@ -77,7 +77,7 @@ pub(super) fn density(
     let panels = groups.iter().zip(pixels_of_groups).map(panel).collect();
     (
         panels,
-        Some(density_key(groups, "states per pixel", max_count)),
+        Some(density_key(groups, "states per bin", max_count)),
     )
 }
 
@@ -127,9 +127,9 @@ pub(super) fn scatter(
     settings: &FigureSettings,
     groups: &[StateGroup<'_>],
 ) -> (Vec<Panel>, Option<Key>) {
-    let pairs = groups.first().map_or(Vec::new(), |group| {
-        axis_pairs(&group.axis_indices(settings))
-    });
+    let pairs = groups
+        .first()
+        .map_or(Vec::new(), |group| group.scatter_pairs(settings));
     if draws_density(settings, groups) {
         let grids = scale_to_largest(
             groups,

@@ -218,12 +218,13 @@ impl SceneWriter {
             .push(self.trace.lines.len() - lines_before);
     }
 
-    /// The color of each body. Fixed bodies are gray; moving bodies alternate between two colors.
+    /// The color of each body. Without one of the task, fixed bodies are gray; moving bodies alternate between two colors.
     fn colors(&self) -> impl Iterator<Item = [u8; 3]> {
         let agent = agent_color(self.agent);
         body_colors(&self.scene)
             .into_iter()
             .map(move |color| match color {
+                BodyColor::OfTask(color) => color,
                 BodyColor::Fixed => FIXED_COLOR,
                 BodyColor::Agent => agent,
                 BodyColor::Alternate => ALTERNATE_COLOR,

@@ -113,12 +113,30 @@ impl Learners {
     /// If a row has another agent.
     #[must_use]
     pub fn returns(&self, rows: &[EpisodeRow]) -> Vec<Vec<f64>> {
-        let episodes = self.episodes(rows.iter().map(|row| self.ended(row)));
+        let episodes = self.ended_episodes(rows);
         let returns = |episodes: Vec<(u64, EndedEpisode)>| {
             let episodes = episodes.into_iter();
             episodes.map(|(_, episode)| episode.r#return).collect()
         };
         episodes.into_iter().map(returns).collect()
+    }
+
+    /// Number of steps of their environments after which the episodes of each learner ended, in the same order.
+    ///
+    /// # Panics
+    /// If a row has another agent.
+    #[must_use]
+    pub fn end_steps(&self, rows: &[EpisodeRow]) -> Vec<Vec<u64>> {
+        let episodes = self.ended_episodes(rows);
+        let steps = |episodes: Vec<(u64, EndedEpisode)>| {
+            let episodes = episodes.into_iter();
+            episodes.map(|(steps, _)| steps).collect()
+        };
+        episodes.into_iter().map(steps).collect()
+    }
+
+    fn ended_episodes(&self, rows: &[EpisodeRow]) -> Vec<Vec<(u64, EndedEpisode)>> {
+        self.episodes(rows.iter().map(|row| self.ended(row)))
     }
 
     fn ended(&self, row: &EpisodeRow) -> EndedEpisode {

@@ -181,6 +181,7 @@ pub(super) const FIELDS: &[Synonym] = &[
             "maxsteps",
             "timestepstotal",
             "numenvsteps",
+            "steps",
         ],
         "number of steps of the whole team after which the run ends",
         &[&["stop=Steps(team: {}, at_most: 100000)"]],
@@ -200,6 +201,18 @@ pub(super) const FIELDS: &[Synonym] = &[
         "number of episodes per agent after which the run ends",
         &[&["stop=Episodes({})"], &["episodes={}"]],
         "500",
+    ),
+    field(
+        &["sigma", "seedsigma", "seedscale"],
+        "standard deviation of the agents' reward seeds",
+        &[&["agents.seeds=Normal(sigma: {})"]],
+        "0.1",
+    ),
+    field(
+        &["threads", "nthreads", "numthreads", "ncpus", "numcpus"],
+        "an option of the command line, `--threads 2`: results do not depend on it",
+        &[],
+        "",
     ),
     field(
         &["randomseed", "randomstate", "rngseed", "seeds", "runseed"],

@@ -8,9 +8,12 @@ use serde::{Deserialize, Serialize};
 use super::run_source::RunSource;
 use crate::experiment::measure::Measure;
 use crate::input_files;
+use crate::plotting::coordinates;
 use crate::record::{difference_of_quantities, other_range};
 use crate::study::external::{ExternalCell, ExternalRuns};
 use seedbed_env::Quantity;
+use seedbed_learn::agent::bonus::PaidFor;
+use seedbed_learn::algorithms::RandomActions;
 
 /// One cell of a study: a scenario with replaced values, of which there are several runs, or runs
 /// that others made.
@@ -88,9 +91,57 @@ pub struct CellDescription {
     pub task: String,
     /// Observations of its agents: name, unit, and ends of the display range.
     pub observations: Vec<(String, String, [f32; 2])>,
+    /// Outlines of bodies that never move, m: `[lines]` of `[points]`, in tasks with the coordinates x and y. Figures show them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub walls: Vec<Vec<[f32; 2]>>,
+    /// Which random actions the agents take; `None` if it is not known: in results of others and of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub random_actions: Option<RandomActions>,
+    /// What the agents are paid for beside the rewards of the task; `None` if it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub paid_for: Option<PaidFor>,
     /// Results of others; `None` for a scenario.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub external: Option<ExternalCell>,
+}
+
+impl CellDescription {
+    /// The description without its path, which depends on the working directory, and without what follows from settings that the
+    /// digest has: later versions say more of them.
+    pub(in crate::study) fn without_path_and_derived(&self) -> Self {
+        Self {
+            scenario: String::new(),
+            walls: Vec::new(),
+            random_actions: None,
+            paid_for: None,
+            ..self.clone()
+        }
+    }
+}
+
+#[cfg(test)]
+impl CellDescription {
+    /// A cell of one agent in a task with these observations.
+    pub(in crate::study) fn for_test(
+        name: &str,
+        max_episodes: u32,
+        observations: Vec<(String, String, [f32; 2])>,
+    ) -> Self {
+        Self {
+            name: name.to_owned(),
+            digest: String::new(),
+            scenario: String::new(),
+            overrides: Vec::new(),
+            agents: 1,
+            max_episodes,
+            task: String::new(),
+            observations,
+            walls: Vec::new(),
+            random_actions: None,
+            paid_for: None,
+            external: None,
+        }
+    }
 }
 
 impl Cell {
@@ -111,9 +162,18 @@ impl Cell {
             max_episodes: self.source.max_episodes(),
             task: self.source.task().to_owned(),
             observations: self.source.observations().iter().map(observation).collect(),
+            walls: walls(&*self.source),
+            random_actions: self.source.random_actions(),
+            paid_for: self.source.paid_for(),
             external: self.source.found().map(ExternalRuns::description),
         }
     }
+}
+
+/// The walls of a task in whose coordinates states can be drawn.
+fn walls(source: &dyn RunSource) -> Vec<Vec<[f32; 2]>> {
+    let quantities: Vec<&Quantity> = source.observations().iter().collect();
+    coordinates(&quantities).map_or(Vec::new(), |_| source.walls())
 }
 
 fn observation(quantity: &Quantity) -> (String, String, [f32; 2]) {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use super::cell::Cell;
-use super::figure::{EpisodeWindow, Figure};
+use super::figure::Figure;
 use super::file::{Axis, NamedCell, Study};
 use super::run_source::{self, ScenarioRuns};
 use crate::experiment::{self, LoadError, LoadStep};
@@ -387,12 +387,7 @@ fn error_at(place: &Located<String>, error: &InputError) -> ValidationError {
 
 /// Numbers of first episodes in all figures of visited states that show a cell.
 fn windows(figures: &[Figure], cell: &str) -> Vec<u32> {
-    let windows_of_figure = |figure: &Figure| match figure {
-        Figure::Visitation { episodes, .. } if figure.shows(cell) => episodes
-            .iter()
-            .map(|window| EpisodeWindow::episodes(*window))
-            .collect(),
-        _ => Vec::new(),
-    };
-    figures.iter().flat_map(windows_of_figure).collect()
+    let of_cell = figures.iter().filter(|figure| figure.shows(cell));
+    let windows = of_cell.flat_map(Figure::windows);
+    windows.map(|window| window.episodes()).collect()
 }

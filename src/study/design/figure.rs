@@ -54,6 +54,23 @@ pub enum Figure {
         #[serde(default = "whole_training")]
         episodes: Vec<EpisodeWindow>,
     },
+    /// Visited states of all runs of each cell in the plane of two observations, with the walls of the task if these are its
+    /// coordinates: one panel per cell.
+    Scatter {
+        /// Title [default: generated].
+        #[serde(default)]
+        title: String,
+        /// Names of cells [default: all].
+        #[serde(default)]
+        cells: Vec<Located<String>>,
+        /// Names of the observations on the horizontal and the vertical axis [default: `x` and `y`, or the first two that are no
+        /// velocities].
+        #[serde(default)]
+        axes: Option<(Located<String>, Located<String>)>,
+        /// Episodes of each agent whose states are shown.
+        #[serde(default = "all_episodes")]
+        episodes: EpisodeWindow,
+    },
     /// A measure of each cell as a dot with its 95 % interval.
     Intervals {
         /// Title [default: generated].
@@ -68,6 +85,9 @@ pub enum Figure {
         /// Parts of the cells' names, such as tasks, over which runs are pooled.
         #[serde(default)]
         over: Located<Vec<String>>,
+        /// Name of the cell at whose value a dashed line is drawn, such as the floor of noise that does not learn.
+        #[serde(default)]
+        line: Option<Located<String>>,
     },
     /// Share of runs that have not solved their task yet (Kaplan–Meier curve).
     Unsolved {
@@ -191,6 +211,7 @@ impl Figure {
             Self::Curves { title, cells, .. }
             | Self::Agents { title, cells, .. }
             | Self::Visitation { title, cells, .. }
+            | Self::Scatter { title, cells, .. }
             | Self::Intervals { title, cells, .. }
             | Self::Unsolved { title, cells, .. }
             | Self::Profiles { title, cells, .. }
@@ -220,6 +241,15 @@ impl Figure {
         }
     }
 
+    /// Name of the cell at whose value a line is drawn.
+    #[must_use]
+    pub fn line(&self) -> Option<&Located<String>> {
+        match self {
+            Self::Intervals { line, .. } => line.as_ref(),
+            _ => None,
+        }
+    }
+
     /// The parts of names that a figure of differences compares; `None` for all others.
     #[must_use]
     pub fn compared_parts(&self) -> Option<(&Located<String>, &Located<String>)> {
@@ -242,7 +272,17 @@ impl Figure {
                 Some(measure.as_ref().map_or(main_measure, |measure| **measure))
             }
             Self::Unsolved { .. } => Some(Measure::EpisodesToSolve),
-            Self::Agents { .. } | Self::Visitation { .. } => None,
+            Self::Agents { .. } | Self::Visitation { .. } | Self::Scatter { .. } => None,
+        }
+    }
+
+    /// Parts of the training whose visited states the figure shows.
+    #[must_use]
+    pub fn windows(&self) -> &[EpisodeWindow] {
+        match self {
+            Self::Visitation { episodes, .. } => episodes,
+            Self::Scatter { episodes, .. } => std::slice::from_ref(episodes),
+            _ => &[],
         }
     }
 
@@ -253,6 +293,7 @@ impl Figure {
             Self::Curves { .. } => "Curves",
             Self::Agents { .. } => "Agents",
             Self::Visitation { .. } => "Visitation",
+            Self::Scatter { .. } => "Scatter",
             Self::Intervals { .. } => "Intervals",
             Self::Unsolved { .. } => "Unsolved",
             Self::Profiles { .. } => "Profiles",
@@ -296,4 +337,8 @@ fn default_window() -> Count {
 
 fn whole_training() -> Vec<EpisodeWindow> {
     vec![EpisodeWindow::All]
+}
+
+fn all_episodes() -> EpisodeWindow {
+    EpisodeWindow::All
 }

@@ -425,7 +425,8 @@ impl Study {
                 .error("expected at least one measure, such as `EpisodesToSolve`"));
         }
         let compared = self.claims.iter().flat_map(Claim::cells);
-        let drawn = self.figures.iter().flat_map(Figure::cells);
+        let figures = self.figures.iter();
+        let drawn = figures.flat_map(|figure| figure.cells().iter().chain(figure.line()));
         let exploration = self.exploration.iter();
         let undirected = exploration
             .clone()
@@ -440,7 +441,7 @@ impl Study {
         if let Some(Exploration { measure, .. }) = &self.exploration
             && !measure.is_share()
         {
-            return Err(measure.error("expected a share, such as `Solved` or `Reach`"));
+            return Err(measure.error("expected a share, such as `Solved`, `Reach` or `Found`"));
         }
         self.check_pools(cells)?;
         self.check_differences(cells)?;

@@ -67,6 +67,10 @@ pub struct Registered {
     /// Cells whose settings had runs with other run seeds when the study was registered, and the
     /// number of these runs.
     pub seen_before: Vec<(String, usize)>,
+    /// What the project's log of runs had; `None` if none was kept.
+    // Not in the hash of earlier locks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run_log: Option<SeenInLog>,
     /// Cells of results of others.
     // Not in the hash of studies without such cells, so that locks of earlier versions stay valid.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -75,8 +79,19 @@ pub struct Registered {
     /// used.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub seen_files: Vec<SeenFile>,
-    /// Earlier locks of this study, the first one first.
+    /// Earlier locks of this study, the first one first, and those in the project's log that have a cell or the
+    /// name in common with it.
     pub ancestors: Vec<Ancestor>,
+}
+
+/// Numbers of runs in the [log of the project](crate::run_log).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SeenInLog {
+    /// All runs, of any task.
+    pub runs: usize,
+    /// Runs in tasks of the study with settings that no cell has.
+    pub others_in_tasks: usize,
 }
 
 /// What is registered of a cell of results of others.
@@ -188,6 +203,7 @@ impl Registered {
             commit: provenance::commit().map(str::to_owned),
             build: provenance::format_build_id(provenance::build_id()),
             seen_before: Vec::new(),
+            run_log: None,
             results_of_others: study
                 .cells
                 .iter()
@@ -287,10 +303,7 @@ fn sha256_of_json(value: &impl Serialize) -> String {
 /// follows from the files of results of others, which need not exist yet.
 fn without_paths(study: &Study, cells: &[CellDescription]) -> Vec<CellDescription> {
     let without_path = |cell: &CellDescription| {
-        let cell = CellDescription {
-            scenario: String::new(),
-            ..cell.clone()
-        };
+        let cell = cell.without_path_and_derived();
         let Some(named_cell) = study.external_cell(&cell.name) else {
             return cell;
         };
@@ -426,6 +439,13 @@ impl Lock {
         });
         ancestors
     }
+
+    /// Whether this is a lock of the study with this name, or of one that has a cell with the same settings.
+    pub(super) fn is_related(&self, study: &Registered) -> bool {
+        let has_digest = |digest: &String| study.cells.iter().any(|(_, other)| other == digest);
+        let mut digests = self.registered.cells.iter().map(|(_, digest)| digest);
+        self.registered.study == study.study || digests.any(has_digest)
+    }
 }
 
 fn file_error(path: &Path, error: &dyn Display) -> FileError {
@@ -456,6 +476,7 @@ mod tests {
             commit: None,
             build: "2".to_owned(),
             seen_before: Vec::new(),
+            run_log: None,
             results_of_others: Vec::new(),
             seen_files: Vec::new(),
             ancestors: Vec::new(),

@@ -172,6 +172,7 @@ fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), ValidationError> 
     }
     for figure in &study.figures {
         check_figure_of_external_cells(study, figure, cells)?;
+        check_axes(figure, cells)?;
         let shown_cells = cells.iter().filter(|cell| figure.shows(&cell.name));
         let message = figure
             .required_measure(study.main_measure())
@@ -182,6 +183,33 @@ fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), ValidationError> 
                 format!("for the figure `{}`: {message}", figure.kind()),
             ))
         })?;
+    }
+    Ok(())
+}
+
+/// Checks that all cells of a figure have the observations on its axes.
+fn check_axes(figure: &Figure, cells: &[Cell]) -> Result<(), ValidationError> {
+    let Figure::Scatter {
+        axes: Some((x, y)), ..
+    } = figure
+    else {
+        return Ok(());
+    };
+    for cell in cells.iter().filter(|cell| figure.shows(&cell.name)) {
+        let observations = cell.source.observations();
+        let has = |name: &str| observations.iter().any(|quantity| quantity.name == name);
+        if let Some(axis) = [x, y].into_iter().find(|axis| !has(axis)) {
+            let known: Vec<&str> = observations
+                .iter()
+                .map(|quantity| quantity.name.as_str())
+                .collect();
+            return Err(axis.error(format!(
+                "cell `{}` has no observation `{}`; expected one of {}",
+                cell.name,
+                axis.as_str(),
+                known.join(", ")
+            )));
+        }
     }
     Ok(())
 }
@@ -197,18 +225,25 @@ fn check_figure_of_external_cells(
         let cell = cells.iter().find(|cell| cell.name == name)?;
         cell.source.found()
     };
-    if let Figure::Visitation { cells, .. } = figure
-        && let Some(name) = cells.iter().find(|name| external(name.as_str()).is_some())
+    let shows_states = !figure.windows().is_empty();
+    if shows_states
+        && let Some(name) = figure
+            .cells()
+            .iter()
+            .find(|name| external(name.as_str()).is_some())
     {
         return Err(
             name.error("results of others have no visited states; expected cells with a scenario")
         );
     }
     let is_of_others = |cell: &Cell| cell.source.found().is_some();
-    if matches!(figure, Figure::Visitation { .. }) && cells.iter().all(is_of_others) {
-        let message = "for the figure `Visitation`: results of others have no visited states; expected a cell with a scenario, \
-                       or no such figure: `seedbed plot` draws recordings";
-        return Err(figure.error(&study.measures, message.to_owned()));
+    if shows_states && cells.iter().all(is_of_others) {
+        let message = format!(
+            "for the figure `{}`: results of others have no visited states; expected a cell with a scenario, or no such figure: \
+             `seedbed plot` draws recordings",
+            figure.kind()
+        );
+        return Err(figure.error(&study.measures, message));
     }
     for cell in cells.iter().filter(|cell| figure.shows(&cell.name)) {
         let unknown = cell.source.found().map(ExternalRuns::unknown);

@@ -1,19 +1,21 @@
 //! Registration of a study: its lock is written beside its file, and compared with it before its runs are used.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use super::FormerDigests;
 use super::cell::{Cell, CellDescription};
 use super::file::Study;
-use super::lock::{Lock, Registered, RegistrationError, SeenFile};
+use super::lock::{Ancestor, Lock, Registered, RegistrationError, SeenFile, SeenInLog};
 use super::plan::StudyPlan;
+use crate::run_log::{LoggedRuns, RunLog};
 use crate::study::external::{ExternalRuns, SeenFiles};
 use crate::study::file_error::{replace_file, to_json};
 
 impl Lock {
     /// Registers a study: writes its lock beside the study file. If there is a lock already, the
-    /// new one has it as an ancestor; if nothing differs from it, it is kept. `count_runs`: the number of runs of a cell
-    /// that were made before.
+    /// new one has it as an ancestor; if nothing differs from it, it is kept. So does each related lock in `log`, the log
+    /// of the project. `stored`: run seeds of the runs of a cell that are stored in the folder of the study.
     ///
     /// # Errors
     /// If the study has no confirmatory claim, if an existing lock was changed after it was made, or
@@ -23,7 +25,8 @@ impl Lock {
     /// Never: plain data always serializes.
     pub fn register(
         plan: &StudyPlan,
-        count_runs: impl Fn(&Cell) -> usize,
+        log: &RunLog,
+        stored: impl Fn(&Cell) -> BTreeSet<u64>,
     ) -> Result<Self, RegistrationError> {
         if !plan.study().claims.iter().any(|claim| claim.confirmatory) {
             return Err(RegistrationError::NothingToConfirm(plan.path.clone()));
@@ -34,14 +37,14 @@ impl Lock {
             Err(RegistrationError::NotRegistered(_)) => None,
             Err(error) => return Err(error),
         };
+        let logged = log.runs();
+        let study = Registered::of_plan(plan);
         let registered = Registered {
-            seen_before: seen_before(plan, count_runs),
+            seen_before: seen_before(plan, &logged, stored),
+            run_log: log.is_kept().then(|| seen_in_log(plan, &logged)),
             seen_files: seen_files(plan, earlier.as_ref()),
-            ancestors: earlier
-                .as_ref()
-                .map(Self::with_ancestors)
-                .unwrap_or_default(),
-            ..Registered::of_plan(plan)
+            ancestors: ancestors(&study, earlier.as_ref(), log.locks()),
+            ..study
         };
         if let Some(lock) = earlier
             && lock.registered.differences_of_plan(plan)?.is_empty()
@@ -120,20 +123,50 @@ fn seen_files(plan: &StudyPlan, earlier: Option<&Lock>) -> Vec<SeenFile> {
     seen
 }
 
-/// Cells that have runs with other run seeds, and the numbers of these runs.
-fn seen_before(plan: &StudyPlan, count_runs: impl Fn(&Cell) -> usize) -> Vec<(String, usize)> {
+/// Cells that have runs with other run seeds, in the folder of the study or in the log, and the numbers of these runs.
+fn seen_before(
+    plan: &StudyPlan,
+    logged: &LoggedRuns,
+    stored: impl Fn(&Cell) -> BTreeSet<u64>,
+) -> Vec<(String, usize)> {
     let mut seen = Vec::new();
-    let own_cells = plan
-        .cells
-        .iter()
-        .filter(|cell| cell.source.found().is_none());
-    for cell in own_cells {
-        let runs = count_runs(cell);
-        if runs > 0 {
-            seen.push((cell.name.clone(), runs));
+    for cell in own_cells(plan) {
+        let mut run_seeds = stored(cell);
+        run_seeds.extend(logged.run_seeds(cell.digest()));
+        if !run_seeds.is_empty() {
+            seen.push((cell.name.clone(), run_seeds.len()));
         }
     }
     seen
+}
+
+fn seen_in_log(plan: &StudyPlan, logged: &LoggedRuns) -> SeenInLog {
+    let tasks = own_cells(plan).map(|cell| cell.source.task()).collect();
+    let digests = own_cells(plan).map(Cell::digest).collect();
+    SeenInLog {
+        runs: logged.count(),
+        others_in_tasks: logged.count_others_in(&tasks, &digests),
+    }
+}
+
+/// The cells whose runs are made here.
+fn own_cells(plan: &StudyPlan) -> impl Iterator<Item = &Cell> {
+    let cells = plan.cells.iter();
+    cells.filter(|cell| cell.source.found().is_none())
+}
+
+/// The ancestors of a new lock: the lock beside the study with its own, and the related ones in the log, of which whoever
+/// renamed the study or deleted its lock says nothing.
+fn ancestors(study: &Registered, beside: Option<&Lock>, logged: Vec<Lock>) -> Vec<Ancestor> {
+    let is_related = |lock: &Lock| lock.is_unchanged() && lock.is_related(study);
+    let related: Vec<Lock> = logged.into_iter().filter(is_related).collect();
+    let mut ancestors: Vec<Ancestor> = Vec::new();
+    for ancestor in related.iter().chain(beside).flat_map(Lock::with_ancestors) {
+        if !ancestors.iter().any(|other| other.id == ancestor.id) {
+            ancestors.push(ancestor);
+        }
+    }
+    ancestors
 }
 
 impl StudyPlan {

@@ -97,11 +97,10 @@ fn comparable(cell: &CellDescription) -> CellDescription {
     let is_of_others = cell.external.is_some();
     CellDescription {
         digest: String::new(),
-        scenario: String::new(),
         agents: if is_of_others { 0 } else { cell.agents },
         max_episodes: if is_of_others { 0 } else { cell.max_episodes },
         external: cell.external.as_ref().map(|_| ExternalCell::default()),
-        ..cell.clone()
+        ..cell.without_path_and_derived()
     }
 }
 

@@ -1,8 +1,8 @@
 //! Whether results confirm what was registered.
 
 use super::results::{Audit, CellResults, Results};
-use crate::experiment::shown_digits;
 use crate::provenance;
+use crate::storage::hashes::shown_digits;
 use crate::study::design::lock::list;
 use crate::study::design::lock::{Lock, Registered, SeenFile};
 use crate::study::external::SeenFiles;
@@ -190,6 +190,13 @@ fn notes_on_history(lock: &Lock) -> Vec<String> {
     for claim in lock.withdrawn_claims() {
         notes.push(format!(
             "A claim of an earlier lock was withdrawn: `{claim}`."
+        ));
+    }
+    if let Some(log) = &lock.registered.run_log {
+        notes.push(format!(
+            "When the study was registered, the project's log had {}, of which {} with other settings in tasks of this study.",
+            pluralize(log.runs, "run"),
+            log.others_in_tasks
         ));
     }
     for (cell, runs) in &lock.registered.seen_before {

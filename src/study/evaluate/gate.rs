@@ -3,13 +3,15 @@
 //!
 //! Undirected baselines explore by random actions only (ε, entropy, noise, also correlated noise). A task that they
 //! solve says nothing about exploration, and neither does a task that no method solves. A baseline counts only if it had as much
-//! experience as the method, and if it is shown to learn where nothing must be found.
+//! experience as the method, and if it is shown to learn where nothing must be found. Where failures end episodes, any bonus
+//! pays for not failing: a bonus that learns what is new is compared with one that does not.
 
 use super::comparison::summarize_scores;
 use super::results::{CellResults, Results};
 use crate::experiment::measure::Measure;
 use crate::study::design::file::Exploration;
 use crate::text::short_number as number;
+use seedbed_learn::agent::bonus::PaidFor;
 use seedbed_stats::Estimate;
 use seedbed_stats::aggregate::mean;
 
@@ -142,10 +144,11 @@ fn gate(results: &Results, exploration: &Exploration, (task, agents): (&str, u32
     let [baseline, method] = [&baselines, &methods].map(|cells| best(cells, *exploration.measure));
     let ((_, baseline), (best_method, method)) = (baseline?, method?);
     let mut faults = Vec::new();
-    let has_correlated = baselines.iter().any(|cell| is_set(cell, &CORRELATED));
+    let has_correlated = baselines.iter().any(|cell| is_correlated(cell));
     if has_networks(best_method) && !has_correlated {
         faults.push("no baseline has noise that is correlated over steps".to_owned());
     }
+    faults.extend(without_blind_bonus(&baselines, best_method));
     for cell in &baselines {
         faults.extend(shortage(cell, best_method));
     }
@@ -183,10 +186,32 @@ fn has_networks(cell: &CellResults) -> bool {
     costs.any(|(_, cost)| cost.gradient_steps.is_none_or(|steps| steps > 0.0))
 }
 
-/// Whether a cell replaces a value by one of these texts.
+fn is_correlated(cell: &CellResults) -> bool {
+    let of_algorithm = cell.description.random_actions;
+    of_algorithm.map_or_else(
+        || is_set(cell, &CORRELATED),
+        |actions| actions.are_correlated,
+    )
+}
+
+fn is_open_loop(cell: &CellResults) -> bool {
+    let of_algorithm = cell.description.random_actions;
+    of_algorithm.map_or_else(|| is_set(cell, &OPEN_LOOP), |actions| actions.are_open_loop)
+}
+
+/// Whether a cell replaces a value by one of these texts. Results of earlier versions say no more.
 fn is_set(cell: &CellResults, texts: &[&str]) -> bool {
     let mut overrides = cell.description.overrides.iter();
     overrides.any(|given| texts.iter().any(|text| given.contains(text)))
+}
+
+/// That no baseline has a bonus which is blind to what is new, if the method has one that is not, as a sentence without a full stop.
+fn without_blind_bonus(baselines: &[&CellResults], method: &CellResults) -> Option<String> {
+    let is_blind = |cell: &&CellResults| cell.description.paid_for == Some(PaidFor::Any);
+    let needs_control = method.description.paid_for == Some(PaidFor::New);
+    (needs_control && !baselines.iter().any(is_blind)).then(|| {
+        "no baseline has a bonus whose model is frozen, which pays for acting on, not for what is new".to_owned()
+    })
 }
 
 /// What a baseline has less of than the method, as a sentence without a full stop.
@@ -224,7 +249,7 @@ fn without_easy_variant(
     };
     let unproven: Vec<String> = baselines
         .iter()
-        .filter(|cell| !is_set(cell, &OPEN_LOOP) && learns_easily(cell).is_none())
+        .filter(|cell| !is_open_loop(cell) && learns_easily(cell).is_none())
         .map(|cell| format!("`{}`", cell.description.name))
         .collect();
     (!unproven.is_empty()).then(|| {
@@ -238,6 +263,8 @@ fn without_easy_variant(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::design::cell::CellDescription;
+    use seedbed_learn::algorithms::RandomActions;
     use seedbed_stats::Interval;
 
     fn share(value: f64, low: f64, high: f64) -> Estimate {
@@ -290,5 +317,52 @@ mod tests {
              baseline (ε), and 0.9 (0.6 to 0.99) for the best method (ensemble). It is none because `ε` has fewer episodes than \
              the method."
         );
+    }
+
+    /// What the algorithm says counts, wherever its file is; results of earlier versions have only what their cells replace.
+    #[test]
+    fn noise_is_known_by_the_algorithm_or_by_what_a_cell_replaces() {
+        let cell = |random_actions, overrides: &[&str]| {
+            CellResults::without_runs(CellDescription {
+                random_actions,
+                overrides: overrides.iter().map(|&given| given.to_owned()).collect(),
+                ..CellDescription::for_test("noise", 1, Vec::new())
+            })
+        };
+        let slow = RandomActions {
+            are_correlated: true,
+            are_open_loop: false,
+        };
+        let kinds = |cell: &CellResults| [is_correlated(cell), is_open_loop(cell)];
+        assert_eq!(kinds(&cell(Some(slow), &[])), [true, false]);
+        let replaced = "algorithm=OpenLoopNoise(noise: White)";
+        assert_eq!(
+            kinds(&cell(Some(RandomActions::default()), &[replaced])),
+            [false, false]
+        );
+        assert_eq!(kinds(&cell(None, &[replaced])), [true, true]);
+        assert_eq!(kinds(&cell(None, &[])), [false, false]);
+    }
+
+    #[test]
+    fn a_bonus_needs_a_control_that_is_blind_to_what_is_new() {
+        let cell = |paid_for| {
+            CellResults::without_runs(CellDescription {
+                paid_for,
+                ..CellDescription::for_test("bonus", 1, Vec::new())
+            })
+        };
+        let [unknown, nothing, new, any] = [
+            None,
+            Some(PaidFor::Nothing),
+            Some(PaidFor::New),
+            Some(PaidFor::Any),
+        ]
+        .map(cell);
+        assert!(without_blind_bonus(&[&nothing, &unknown], &new).is_some());
+        assert!(without_blind_bonus(&[&nothing, &any], &new).is_none());
+        for method in [&unknown, &nothing, &any] {
+            assert!(without_blind_bonus(&[&nothing], method).is_none());
+        }
     }
 }

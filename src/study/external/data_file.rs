@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use crate::storage::hashes::sha256;
 
 use seedbed_input::limits::{MAX_TABLE_BYTES, read_bytes};
-use seedbed_input::{InputError, Position};
+use seedbed_input::{InputError, Position, shown};
 
 /// Mark at the beginning of a text in UTF-8, as spreadsheets write it.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
@@ -198,7 +198,10 @@ impl<'a> Rows<'a> {
         number.filter(|number| number.is_finite()).ok_or_else(|| {
             self.error(
                 column,
-                format!("expected a finite number, found `{}`", self.text(column)),
+                format!(
+                    "expected a finite number, found `{}`",
+                    shown(&self.text(column))
+                ),
             )
         })
     }
@@ -217,7 +220,7 @@ impl<'a> Rows<'a> {
                 column,
                 format!(
                     "expected a whole number of at least 0, found `{}`",
-                    self.text(column)
+                    shown(&self.text(column))
                 ),
             )
         })
@@ -230,7 +233,7 @@ impl<'a> Rows<'a> {
             let message = format!(
                 "expected a sum of at most {} with the earlier {earlier}, found `{}`",
                 u64::MAX,
-                self.text(column)
+                shown(&self.text(column))
             );
             self.error(column, message)
         })
@@ -444,6 +447,11 @@ mod tests {
         ] {
             assert_eq!(rows_error(text, number), expected, "{text:?}");
         }
+        // What a process that was killed, or a second one, has left.
+        let zeros = format!("a,b\n1,{}\n", "\0".repeat(10_000));
+        let error = rows_error(&zeros, number);
+        let shown = "\0".repeat(30);
+        assert!(error.ends_with(&format!("{found} `{shown}…`")), "{error:?}");
         assert_eq!(
             rows_error("return\n1\n\n\n,\n", |_| None),
             "5:2 ,: expected 1 values, as in the header, found 2"

@@ -62,7 +62,7 @@ fn delete_outdated_files(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether a file is a figure of a report, such as `3-curves.svg`.
+/// Whether a file is a figure of a report, such as `3-curves.svg` and `claims.svg`.
 fn is_figure(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str());
     let number = name.and_then(|name| name.split('-').next());
@@ -70,11 +70,11 @@ fn is_figure(path: &Path) -> bool {
         !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
     });
     let extension = path.extension().and_then(|extension| extension.to_str());
-    is_numbered && matches!(extension, Some("svg" | "pdf" | "png"))
+    let is_of_claims = path.file_stem().is_some_and(|stem| stem == "claims");
+    (is_numbered || is_of_claims) && matches!(extension, Some("svg" | "pdf" | "png"))
 }
 
-/// Writes the texts of the report for published results, which have no curves and no states:
-/// `tables.md` and `claims.md`.
+/// Writes what published results have of a report, without curves and states: `tables.md`, `claims.md` and `claims.svg`.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -83,7 +83,12 @@ pub fn write_texts(
     claim_results: &[ClaimResult],
     folder: &Path,
 ) -> io::Result<()> {
-    write_tables(results, claim_results, folder).map(|_| ())
+    write_tables(results, claim_results, folder)?;
+    let path = folder.join("claims.svg");
+    match figures::claims(results, claim_results) {
+        Some(figure) => files::replace(&path, figure.picture.svg().as_bytes()),
+        None => remove_earlier(&path),
+    }
 }
 
 /// A figure with its title and caption.
@@ -109,7 +114,8 @@ pub fn write(
 ) -> io::Result<PathBuf> {
     let figures = figures::draw(results);
     delete_outdated_files(folder)?;
-    for figure in &figures {
+    let claims_figure = figures::claims(results, claim_results);
+    for figure in figures.iter().chain(&claims_figure) {
         write_figure(figure, &folder.join(FIGURES), layout)?;
     }
     files::replace(&folder.join("results.csv"), &rows::csv(results)?)?;
@@ -117,7 +123,14 @@ pub fn write(
     let page = folder.join("report.html");
     files::replace(
         &page,
-        page::html(results, claim_results, &tables, &figures).as_bytes(),
+        page::html(
+            results,
+            claim_results,
+            &tables,
+            &figures,
+            claims_figure.as_ref(),
+        )
+        .as_bytes(),
     )?;
     Ok(page)
 }
@@ -125,7 +138,8 @@ pub fn write(
 /// Writes a figure in each format.
 fn write_figure(figure: &ReportFigure, folder: &Path, layout: &PrintLayout) -> io::Result<()> {
     let mut picture = figure.picture.clone();
-    layout.apply(&mut picture);
+    let drawn = picture.width;
+    layout.apply(&mut picture, drawn);
     let formats = [
         ("svg", Format::Svg),
         ("pdf", Format::Pdf),

@@ -71,38 +71,45 @@ impl Table {
     }
 }
 
-/// What runs cost until they solved the task or ended, and speed-ups over the best single agent.
+/// What runs cost until they solved the task or ended and, in studies with cells of one agent, speed-ups over the best of them.
 fn cost_table(results: &Results) -> Table {
+    let costs = costs(results);
+    let has_speedups = costs.iter().any(|(_, cost)| cost.speedup.is_some());
     let row = |(cell, cost): &(&CellResults, Cost)| {
         let optional = |value: Option<f64>| value.map_or("–".to_owned(), format::number);
         let solved = cost.solved.map_or("–".to_owned(), |share| {
             let interval = format::interval(wilson_interval(share));
             format!("{}/{} ({interval})", share.successes, share.runs)
         });
-        vec![
+        let mut row = vec![
             cell.description.name.clone(),
             cell.description.agents.to_string(),
             solved,
             format::number_or_unknown(cost.episodes),
             format::number_or_unknown(cost.env_steps),
             format::number_or_unknown(cost.gradient_steps),
-            optional(cost.speedup.map(|speedup| speedup.factor)),
-            optional(cost.speedup.map(|speedup| speedup.efficiency)),
-        ]
+        ];
+        if has_speedups {
+            row.push(optional(cost.speedup.map(|speedup| speedup.factor)));
+            row.push(optional(cost.speedup.map(|speedup| speedup.efficiency)));
+        }
+        row
     };
+    let mut head = vec![
+        "cell",
+        "K",
+        "solved (95 % interval)",
+        "episodes of each agent",
+        "env steps of the team",
+        "gradient steps",
+    ];
+    if has_speedups {
+        head.extend(["S(K)", "E(K)"]);
+    }
     Table {
         title: "Cost until solved, or until the end of the run: means over runs".to_owned(),
-        head: vec![
-            "cell",
-            "K",
-            "solved (95 % interval)",
-            "episodes of each agent",
-            "env steps of the team",
-            "gradient steps",
-            "S(K)",
-            "E(K)",
-        ],
-        rows: costs(results).iter().map(row).collect(),
+        head,
+        rows: costs.iter().map(row).collect(),
         note: String::new(),
     }
 }

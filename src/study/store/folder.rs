@@ -3,6 +3,7 @@
 //! The name of a result file has the run seed and a hash of everything else on which its run
 //! depends. So after a study is changed, the results that are not affected are found again.
 
+use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -11,9 +12,9 @@ use super::result_file::StoredRun;
 use super::run_marks::{self, RunMark};
 use crate::experiment::checkpoint::{self, SavedProgress};
 use crate::experiment::run_result::RunResult;
-use crate::experiment::shown_digits;
 use crate::storage::file_lock::FileLock;
 use crate::storage::files;
+use crate::storage::hashes::shown_digits;
 use crate::study::FileError;
 use crate::study::design::cell::PlannedRun;
 use crate::study::design::file::Claim;
@@ -195,14 +196,18 @@ impl StudyFolder {
         is_damaged.then(|| self.result_file(digest, run_seed))
     }
 
-    /// Number of result files of runs with this digest.
+    /// Run seeds of all result files of runs with this digest.
     #[must_use]
-    pub fn count_runs(&self, digest: &str) -> usize {
+    pub fn run_seeds(&self, digest: &str) -> BTreeSet<u64> {
         let prefix = format!("{}-", shown_digits(digest));
+        let run_seed = |name: &String| {
+            let rest = name.strip_prefix(&prefix)?;
+            rest.strip_suffix(".run")?.parse().ok()
+        };
         self.result_file_names()
             .iter()
-            .filter(|name| name.starts_with(&prefix))
-            .count()
+            .filter_map(run_seed)
+            .collect()
     }
 
     /// Names of all result files; empty if there is no folder of result files.

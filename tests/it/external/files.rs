@@ -149,7 +149,7 @@ fn values_may_be_means_over_episodes() {
     assert_eq!(values(row, &columns), ["", "", "40", "40.0", ""]);
     let tables = fixture.output("tables.md");
     assert!(
-        tables.contains("| CleanRL | 1 | 1/1 (0.207 to 1) | unknown | 40 | unknown | "),
+        tables.contains("| CleanRL | 1 | 1/1 (0.207 to 1) | unknown | 40 | unknown |\n"),
         "{tables}"
     );
 }

@@ -99,6 +99,7 @@ fn cart_and_pole() -> Scene {
     let body = |name: &str, shapes| SceneBody {
         name: name.to_owned(),
         is_fixed: name == "rail",
+        color: None,
         shapes,
         hinge: None,
     };

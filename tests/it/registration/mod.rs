@@ -2,6 +2,7 @@
 
 mod edited;
 mod published;
+mod tried_before;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -132,6 +133,18 @@ fn with_repeats(repeats: u32) -> String {
     format!("repeats: {repeats}, {CLAIM}")
 }
 
+/// A registration says that one lock was before it, whose claim it does not have.
+fn assert_follows_one_lock(registered: &str) {
+    assert!(
+        registered.contains("history    1 lock before this one"),
+        "{registered}"
+    );
+    assert!(
+        registered.contains("withdrawn  seeds | random | Regret | Less | 5"),
+        "{registered}"
+    );
+}
+
 #[test]
 fn a_registered_study_is_confirmed_with_run_seeds_from_its_lock() {
     let fixture = Fixture::new(&with_repeats(6));
@@ -180,14 +193,7 @@ fn a_changed_claim_is_refused_and_a_new_lock_names_the_old_one() {
         "{error}"
     );
     let registered = fixture.succeed(&["register"]);
-    assert!(
-        registered.contains("history    1 lock before this one"),
-        "{registered}"
-    );
-    assert!(
-        registered.contains("withdrawn  seeds | random | Regret | Less | 5"),
-        "{registered}"
-    );
+    assert_follows_one_lock(&registered);
     // All runs of the new lock are other runs.
     let other_lock = fixture.refusal();
     assert!(

@@ -25,6 +25,9 @@ fn published_results_give_the_tables_of_the_report() {
         assert!(output.status.success(), "{output:?}");
         assert_eq!(fs::read_to_string(published.join(file)).unwrap(), of_report);
     }
+    let [of_report, of_published] = [fixture.path("out/figures"), published]
+        .map(|folder| fs::read_to_string(folder.join("claims.svg")).unwrap());
+    assert_eq!(of_report, of_published);
 }
 
 #[test]
@@ -229,7 +232,7 @@ fn a_damaged_table_of_published_results_is_not_salvaged() {
         "{printed}"
     );
     assert!(
-        printed.contains("4 files whole, 0 in part, 1 lost"),
+        printed.contains("5 files whole, 0 in part, 1 lost"),
         "{printed}"
     );
 }

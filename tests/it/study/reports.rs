@@ -289,3 +289,28 @@ fn reports_mark_run_seeds_for_tuning() {
     );
     assert!(result_rows(&out).iter().all(|row| row["seeds"] == "tuning"));
 }
+
+/// The walls of the task are behind the states of each cell: eight corridors have walls at their sides and ends.
+#[test]
+fn where_agents_went_is_drawn_with_the_walls_of_the_task() {
+    let text = r#"Study(
+        title: "map", scenario: "corridors", set: ["agents.count=2", "stop=Episodes(1)"],
+        cells: [(name: "own"), (name: "same", set: ["agents.seeds=Normal(sigma: 0)"])],
+        repeats: 1, measures: [FinalReturn()], figures: [Scatter(), Scatter(axes: ("x_dot", "east"))],
+    )"#;
+    let (_folder, study, out) = write_study(text);
+    assert!(run_study(&study, &out, &[]).status.success());
+    let figure = |number: u32| {
+        let file = format!("figures/{number}-scatter.svg");
+        fs::read_to_string(out.join(file)).unwrap()
+    };
+    let lines = |svg: &str| svg.matches("stroke-width=\"1\"").count();
+    let (map, other) = (figure(1), figure(2));
+    assert!(map.contains("y [m]") && other.contains("east [m]"));
+    assert!(
+        lines(&map) > lines(&other) + 2 * 8,
+        "{} {}",
+        lines(&map),
+        lines(&other)
+    );
+}

@@ -25,10 +25,38 @@ pub struct Vector([f64; 2]);
 #[serde(try_from = "(f64, f64)")]
 pub struct Direction([f64; 2]);
 
+/// Red, green and blue, as `#rrggbb` with hexadecimal digits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct HexColor([u8; 3]);
+
 /// A name that formulas can use: letters, digits and `_`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Name(String);
+
+impl HexColor {
+    /// Red, green and blue.
+    #[must_use]
+    pub fn get(self) -> [u8; 3] {
+        self.0
+    }
+}
+
+impl TryFrom<String> for HexColor {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        let digits = text.strip_prefix('#').filter(|digits| {
+            digits.len() == 6 && digits.bytes().all(|digit| digit.is_ascii_hexdigit())
+        });
+        let number = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
+        let [_, channels @ ..] = number
+            .ok_or_else(|| format!("expected a color such as \"#1f77b4\", found {text:?}"))?
+            .to_be_bytes();
+        Ok(Self(channels))
+    }
+}
 
 impl WholeNumbers {
     /// First and last number.
@@ -181,7 +209,7 @@ impl TryFrom<String> for Name {
         match syn::parse_str::<syn::Ident>(&text) {
             Ok(_) => Ok(Self(text)),
             Err(_) => Err(format!(
-                "expected a name of letters, digits and `_` that is no keyword of Rust, found `{text}`"
+                "expected a name of letters, digits and `_` that is no reserved word, found `{text}`"
             )),
         }
     }

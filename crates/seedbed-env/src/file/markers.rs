@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use super::resolver::{Resolver, formula};
 use super::surfaces::shape;
-use super::{Geom, Name, zero};
+use super::{Geom, HexColor, Name, zero};
 use crate::description;
 use crate::expression::Type;
 use seedbed_input::limits::short_list;
@@ -19,6 +19,9 @@ pub struct Marker {
     /// Shapes in the marker's frame.
     #[serde(deserialize_with = "short_list")]
     pub geoms: Vec<Geom>,
+    /// Color; as of bodies.
+    #[serde(default)]
+    pub color: Option<HexColor>,
     /// Formula over sensors and drawn numbers of the position to the right, m.
     #[serde(default = "zero")]
     pub x: Located<String>,

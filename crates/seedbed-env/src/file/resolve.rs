@@ -4,7 +4,7 @@
 use super::actuators::action;
 use super::resolver::{MAX_MASS, Resolver, WORLD, formula, resolved};
 use super::surfaces::shape;
-use super::{AnalyticModel, Body, Fluid, Geom, Observation, Softness};
+use super::{AnalyticModel, Body, Fluid, Geom, HexColor, Observation, Softness};
 use crate::analytic;
 use crate::description::{self, BodyTask, Formulas, Inertial};
 use crate::expression::{Program, Type, compile};
@@ -128,10 +128,11 @@ impl Resolver<'_> {
         if has_world {
             drawn.push(world);
         }
-        for (index, body) in bodies.iter().enumerate() {
+        for (index, (body, given)) in bodies.iter().zip(&self.file.bodies).enumerate() {
             drawn.push(SceneBody {
                 name: body.name.clone(),
                 is_fixed: false,
+                color: given.color.map(HexColor::get),
                 shapes: body.shapes.clone(),
                 hinge: hinge_of(index, joints),
             });
@@ -139,6 +140,7 @@ impl Resolver<'_> {
         drawn.extend(self.file.markers.iter().map(|marker| SceneBody {
             name: marker.name.value().as_ref().to_owned(),
             is_fixed: false,
+            color: marker.color.map(HexColor::get),
             shapes: marker.geoms.iter().map(shape).collect(),
             hinge: None,
         }));
@@ -164,6 +166,7 @@ impl Resolver<'_> {
         SceneBody {
             name: WORLD.to_owned(),
             is_fixed: true,
+            color: None,
             shapes: self
                 .file
                 .scenery

@@ -173,6 +173,18 @@ fn run_with(task: &TaskDescription, number: f32) -> TaskDescription {
         .expect("one of 1000 runs draws it")
 }
 
+/// Plays episodes in a run that draws this number.
+fn play_in_run(
+    name: &str,
+    number: f32,
+    episodes: u32,
+    policy: &dyn Fn(&[f32]) -> Vec<f32>,
+) -> Vec<(f32, u32)> {
+    let run = run_with(&task(name), number);
+    let mut environment = build(&run, Physics::Rapier, 1).expect("it has rigid bodies");
+    play_in(&mut *environment, episodes, policy)
+}
+
 /// Unit vector along a corridor.
 fn direction(corridor: u8) -> [f32; 2] {
     let angle = f32::from(corridor) * std::f32::consts::FRAC_PI_4;
@@ -198,8 +210,6 @@ fn against_the_rule(s: &[f32], corridor: u8, [x, y]: [f32; 2]) -> [f32; 2] {
 
 /// Plays 20 episodes in the run whose goal is `goal`, towards the end of `corridor`.
 fn play_corridor(name: &str, has_rules: bool, goal: u8, corridor: u8) -> Vec<(f32, u32)> {
-    let run = run_with(&task(name), f32::from(goal));
-    let mut environment = build(&run, Physics::Rapier, 1).expect("it has rigid bodies");
     let policy = |s: &[f32]| {
         let mut push = along_the_corridor(s, corridor);
         if has_rules {
@@ -207,21 +217,27 @@ fn play_corridor(name: &str, has_rules: bool, goal: u8, corridor: u8) -> Vec<(f3
         }
         push.map(|push| push.clamp(-1.0, 1.0)).to_vec()
     };
-    play_in(&mut *environment, 20, &policy)
+    play_in_run(name, goal.into(), 20, &policy)
 }
 
-/// For each of the eight goals, a policy that knows where the goal is reaches it. The same policy is
+/// For each of the goals, a policy that knows where the goal is reaches it. The same policy is
 /// never rewarded in a run with another goal.
-fn assert_each_goal_can_be_reached(name: &str, has_rules: bool, max_steps: u32) {
-    for goal in 0..8 {
-        let episodes = play_corridor(name, has_rules, goal, goal);
+/// `play`: episodes in the run that draws the first goal, with the policy that knows the second one.
+fn assert_each_goal_can_be_reached(
+    name: &str,
+    goals: u8,
+    max_steps: u32,
+    play: impl Fn(u8, u8) -> Vec<(f32, u32)>,
+) {
+    for goal in 0..goals {
+        let episodes = play(goal, goal);
         assert!(
             episodes
                 .iter()
                 .all(|&(total, steps)| total == 1.0 && steps <= max_steps),
             "{name}, goal {goal}: {episodes:?}"
         );
-        let elsewhere = play_corridor(name, has_rules, (goal + 1) % 8, goal);
+        let elsewhere = play((goal + 1) % goals, goal);
         assert!(
             elsewhere.iter().all(|&(total, _)| total == 0.0),
             "{name}, not the goal {goal}: {elsewhere:?}"
@@ -231,11 +247,17 @@ fn assert_each_goal_can_be_reached(name: &str, has_rules: bool, max_steps: u32) 
 
 #[test]
 fn each_goal_that_a_run_draws_can_be_reached() {
-    assert_each_goal_can_be_reached("corridors_drawn_short", false, 60);
-    assert_each_goal_can_be_reached("corridors_drawn", false, 100);
-    assert_each_goal_can_be_reached("corridors_drawn_long", false, 150);
-    assert_each_goal_can_be_reached("corridors_noisy", false, 100);
-    assert_each_goal_can_be_reached("corridors_rules", true, 200);
+    for (name, has_rules, max_steps) in [
+        ("corridors_drawn_short", false, 60),
+        ("corridors_drawn", false, 100),
+        ("corridors_drawn_long", false, 150),
+        ("corridors_noisy", false, 100),
+        ("corridors_rules", true, 200),
+    ] {
+        assert_each_goal_can_be_reached(name, 8, max_steps, |drawn, known| {
+            play_corridor(name, has_rules, drawn, known)
+        });
+    }
 }
 
 /// The push through a corridor with hooks, in the frame of its first lane: to the end of a lane, aside to the next one, and so on.
@@ -259,39 +281,95 @@ fn through_hooks([along, aside, v_along, v_aside]: [f32; 4], hooks: f32) -> [f32
     ]
 }
 
+/// The policy `push` in the frame of a corridor, of the puck's place and velocity in this frame and how far the block there was pushed.
+fn in_corridor(goal: u8, push: impl Fn([f32; 4], f32) -> [f32; 2]) -> impl Fn(&[f32]) -> Vec<f32> {
+    let angle = f32::from(goal) * std::f32::consts::FRAC_PI_2;
+    let (sin, cos) = angle.sin_cos();
+    move |s| {
+        let in_frame = |x: f32, y: f32| [cos * x + sin * y, cos * y - sin * x];
+        let ([along, aside], [v, w]) = (in_frame(s[0], s[1]), in_frame(s[2], s[3]));
+        let block = s.get(4 + usize::from(goal)).copied().unwrap_or(f32::MAX);
+        let [a, b] = push([along, aside, v, w], block);
+        [cos * a - sin * b, sin * a + cos * b]
+            .map(|push| push.clamp(-1.0, 1.0))
+            .to_vec()
+    }
+}
+
 /// A policy that knows the corridor walks through its hooks, and is never rewarded in a run with another one.
 #[test]
 fn corridors_with_hooks_can_be_walked_through() {
-    for (name, hooks) in [("hooks_1", 1.0), ("hooks_3", 3.0), ("hooks_4", 4.0)] {
-        for goal in 0..4_u8 {
-            let angle = f32::from(goal) * std::f32::consts::FRAC_PI_2;
-            let (sin, cos) = angle.sin_cos();
-            let policy = |s: &[f32]| {
-                let in_frame = |x: f32, y: f32| [cos * x + sin * y, cos * y - sin * x];
-                let ([along, aside], [v, w]) = (in_frame(s[0], s[1]), in_frame(s[2], s[3]));
-                let [a, b] = through_hooks([along, aside, v, w], hooks);
-                [cos * a - sin * b, sin * a + cos * b]
-                    .map(|push| push.clamp(-1.0, 1.0))
-                    .to_vec()
-            };
-            let play = |drawn: u8| {
-                let run = run_with(&task(name), f32::from(drawn));
-                play_in(&mut *build(&run, Physics::Rapier, 1).unwrap(), 5, &policy)
-            };
-            let there = play(goal);
+    for (name, hooks, max_steps) in [
+        ("hooks_1", 1.0, 100),
+        ("hooks_3", 3.0, 190),
+        ("hooks_4", 4.0, 224),
+    ] {
+        assert_each_goal_can_be_reached(name, 4, max_steps, |drawn, known| {
+            let policy = in_corridor(known, |s, _| through_hooks(s, hooks));
+            play_in_run(name, drawn.into(), 5, &policy)
+        });
+    }
+}
+
+/// Likewise, after it has pushed the block out of the way. One that does not push for long enough sticks in front of it.
+#[test]
+fn plugs_can_be_pushed_away() {
+    for (name, hooks, max_steps) in [("plugs_2", 2.0, 180), ("plugs_3", 3.0, 230)] {
+        let push_until = |far: f32, goal: u8| {
+            in_corridor(goal, move |s: [f32; 4], block| {
+                let in_first_lane = s[1].abs() < 0.45;
+                if in_first_lane && block < far {
+                    [1.0, -s[1] - s[3]]
+                } else {
+                    through_hooks(s, hooks)
+                }
+            })
+        };
+        assert_each_goal_can_be_reached(name, 4, max_steps, |drawn, known| {
+            play_in_run(name, drawn.into(), 5, &push_until(2.3, known))
+        });
+        for goal in 0..4 {
+            let stuck = play_in_run(name, goal.into(), 2, &push_until(0.5, goal));
             assert!(
-                there
-                    .iter()
-                    .all(|&(total, steps)| total == 1.0 && steps < 450),
-                "{name}, goal {goal}: {there:?}"
-            );
-            let elsewhere = play((goal + 1) % 4);
-            assert!(
-                elsewhere.iter().all(|&(total, _)| total == 0.0),
-                "{name}: {elsewhere:?}"
+                stuck.iter().all(|&(total, _)| total == 0.0),
+                "{name}: {stuck:?}"
             );
         }
     }
+}
+
+/// A drone that hovers rises through the holes of the floors, to the end of the hall that the run draws. Propellers that push alike
+/// lift it to the first ceiling, and no further.
+#[test]
+fn storeys_are_reached_by_hovering() {
+    for (name, storeys, max_steps) in [("storeys_1", 1, 140), ("storeys_2", 2, 200)] {
+        assert_each_goal_can_be_reached(name, 2, max_steps, |drawn, known| {
+            let side = 1.0 - 2.0 * f32::from(known);
+            play_in_run(name, drawn.into(), 5, &|s| fly_up(s, side, storeys))
+        });
+        let below = play_in_run(name, 0.0, 2, &|_| vec![0.7, 0.7]);
+        assert!(
+            below.iter().all(|&(total, _)| total == 0.0),
+            "{name}: {below:?}"
+        );
+    }
+}
+
+/// Thrusts of a drone that flies to the next hole, or in the uppermost storey to the end of the hall: an angle that accelerates it
+/// towards the place, and a mean thrust that holds the height.
+fn fly_up(s: &[f32], side: f32, storeys: u8) -> Vec<f32> {
+    let (x, y, angle_rate) = (side * s[0], s[1], s[5]);
+    let [x_dot, y_dot] = [side * s[3], s[4]];
+    let storey = (y / 2.0).floor();
+    let next_x = if storey % 2.0 == 0.0 { 4.4 } else { 0.8 };
+    let rises = storey < f32::from(storeys) && (x - next_x).abs() < 0.35;
+    let next_y = 2.0 * storey + if rises { 3.0 } else { 1.0 };
+    let angle = -side * (0.15 * (next_x - x) - 0.25 * x_dot).clamp(-0.2, 0.2);
+    let lift = 0.5 + 0.4 * (next_y - y) - 0.3 * y_dot;
+    let turn = 1.5 * angle - 0.3 * angle_rate;
+    [lift - turn, lift + turn]
+        .map(|push| push.clamp(-1.0, 1.0))
+        .to_vec()
 }
 
 /// A motor that pushes with the motion crosses hills, and one that pushes to one side never does. Where the car moves to the wrong
@@ -366,6 +444,62 @@ fn a_pole_travels_with_feedback_only() {
             assert!(pushed.iter().all(|&(total, _)| total == 0.0), "{pushed:?}");
         }
     }
+}
+
+/// With a controller that leans by its speed and levels off, the quadrotor reaches the end of the right corridor; with constant
+/// thrusts, whatever their sum and difference, it does not.
+#[test]
+fn a_quadrotor_flies_with_feedback_only() {
+    for side in [0_u8, 1] {
+        let direction = 1.0 - 2.0 * f32::from(side);
+        let run = run_with(&task("quadrotor_side"), f32::from(side));
+        let mut environment = build(&run, Physics::Rapier, 1).unwrap();
+        // Observations: x, y, angle, their rates.
+        let fly = |s: &[f32]| {
+            let angle = (0.1 * (s[3] - 1.5 * direction)).clamp(-0.15, 0.15);
+            let lift = 2.0 * (3.0 - s[1]) - 1.0 * s[4];
+            let turn = 2.0 * (angle - s[2]) - 0.4 * s[5];
+            vec![lift - turn, lift + turn]
+        };
+        let flown = play_in(&mut *environment, 10, &fly);
+        assert!(
+            flown.iter().all(|&(total, _)| total == 1.0),
+            "side {side}: {flown:?}"
+        );
+        for (lift, turn) in [(0.0, 0.0), (0.02, 0.0), (0.0, 0.001), (0.05, -0.01)] {
+            let pushed = play_in(&mut *environment, 10, &|_: &[f32]| {
+                vec![lift - turn, lift + turn]
+            });
+            assert!(pushed.iter().all(|&(total, _)| total == 0.0), "{pushed:?}");
+        }
+    }
+}
+
+/// Thrusts of ±0.1 (9.81/2 N) turn the frame by 2 · 0.1 (9.81/2 N)(0.25 m) / 0.02 kg m² = 12.26 rad/s², by 0.613 rad/s in a step of 0.05 s; gusts of
+/// 0.1 add as much (one standard deviation). Mean and deviation over 400 episodes are within five standard errors. A thrust of 0.2 from
+/// each lifts it by 1.962 m/s², as far as it does not lean.
+#[test]
+fn a_quadrotor_turns_by_the_difference_of_its_thrusts() {
+    let run = run_with(&task("quadrotor_side"), 0.0);
+    let mut environment = build(&run, Physics::Rapier, 1).unwrap();
+    let mut rates_after = |action: [f32; 2], episode| {
+        environment.reset(0, &mut stream(5, Purpose::Reset, 0, episode));
+        environment.step(&action);
+        let seen = environment.observations();
+        [seen[4], seen[5]]
+    };
+    let spins: Vec<f32> = (0..400)
+        .map(|episode| rates_after([-0.1, 0.1], episode)[1])
+        .collect();
+    let mean = spins.iter().sum::<f32>() / 400.0;
+    let variance = spins.iter().map(|spin| (spin - mean).powi(2)).sum::<f32>() / 399.0;
+    assert!((mean - 0.613).abs() < 5.0 * 0.613 / 20.0, "{mean}");
+    assert!(
+        (variance.sqrt() - 0.613).abs() < 5.0 * 0.613 / 800_f32.sqrt(),
+        "{variance}"
+    );
+    let lift = rates_after([0.2, 0.2], 0)[0];
+    assert!((lift - 1.962 * 0.05).abs() < 0.02 * 1.962 * 0.05, "{lift}");
 }
 
 /// Noise is uniform from −1 to 1 in the noisy corridor: its mean and its autocorrelation are within

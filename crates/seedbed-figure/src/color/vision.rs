@@ -1,6 +1,6 @@
 //! How different colors are to people with and without color blindness, for tests.
 
-use super::Color;
+use super::{Color, linear};
 
 /// A kind of color vision. The last three lack one kind of cone.
 #[derive(Clone, Copy, Debug)]
@@ -51,15 +51,8 @@ impl Vision {
             [0.212_672_9, 0.715_152_2, 0.072_175_0],
             [0.019_333_9, 0.119_192_0, 0.950_304_1],
         ];
-        let linear = color.map(|channel| {
-            let share = f64::from(channel) / 255.0;
-            if share <= 0.040_45 {
-                share / 12.92
-            } else {
-                ((share + 0.055) / 1.055).powf(2.4)
-            }
-        });
-        let seen = multiply(self.simulation(), linear).map(|channel| channel.clamp(0.0, 1.0));
+        let seen =
+            multiply(self.simulation(), color.map(linear)).map(|channel| channel.clamp(0.0, 1.0));
         let [x, y, z] = multiply(TO_XYZ, seen);
         let root = |ratio: f64| {
             if ratio > 216.0 / 24_389.0 {

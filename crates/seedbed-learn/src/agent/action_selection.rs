@@ -33,6 +33,13 @@ pub enum ActionSelection {
     Greedy,
 }
 
+impl ActionSelection {
+    /// Whether the noise is correlated over the steps of an episode.
+    pub(crate) fn is_correlated(self) -> bool {
+        matches!(self, Self::Correlated { noise } if noise != ActionNoise::White)
+    }
+}
+
 /// How the noise of actions is correlated over the steps of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

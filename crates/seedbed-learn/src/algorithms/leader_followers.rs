@@ -18,13 +18,13 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::AlgorithmConfig;
 use super::seed_pg::SeedPgAgent;
 use super::seed_pg::common_settings::{configuration, copy_settings, with_common_settings};
 use super::seed_pg::config::{
     AdvantageEstimate, Clipping, Data, Minibatch, PolicyLoss, ReturnNormalization, SeedPg, Sharing,
     Standardization, TimeLimit, VTrace, ValueTarget,
 };
+use super::{AlgorithmConfig, RandomActions};
 use crate::agent::action_selection::ActionSelection;
 use crate::agent::bonus::Bonus;
 use crate::agent::network_info::NetworkInfo;
@@ -106,6 +106,13 @@ impl AlgorithmConfig for LeaderFollowers {
             ));
         }
         self.learner(LEADER, 1).check()
+    }
+
+    fn random_actions(&self) -> RandomActions {
+        RandomActions {
+            are_correlated: self.actions.is_correlated(),
+            are_open_loop: false,
+        }
     }
 
     fn set_action_selection(&mut self, selection: ActionSelection) {

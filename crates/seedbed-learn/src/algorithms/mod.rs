@@ -25,6 +25,15 @@ use seedbed_env::TaskSpec;
 use seedbed_input::numbers::Count;
 use seedbed_input::{Located, ValidationError};
 
+/// Which random actions agents take, by which the baselines of tasks of exploration are told apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RandomActions {
+    /// Whether their noise is correlated over the steps of an episode.
+    pub are_correlated: bool,
+    /// Whether actions do not depend on what is seen, so that nothing is learned.
+    pub are_open_loop: bool,
+}
+
 /// What the configuration of an algorithm provides. Its parameters are documented by the doc
 /// comments of its fields.
 pub trait AlgorithmConfig {
@@ -78,6 +87,11 @@ pub trait AlgorithmConfig {
 
     /// Changes how actions are chosen, for example to evaluate greedy policies.
     fn set_action_selection(&mut self, _selection: ActionSelection) {}
+
+    /// Which random actions the agents take.
+    fn random_actions(&self) -> RandomActions {
+        RandomActions::default()
+    }
 
     /// The exploration bonus; none if the algorithm has no such parameter.
     fn bonus(&self) -> Option<&Bonus> {

@@ -5,7 +5,7 @@ use rand::RngExt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{AlgorithmConfig, ScheduleError, ScheduleKind};
+use super::{AlgorithmConfig, RandomActions, ScheduleError, ScheduleKind};
 use crate::agent::action_random::{ActionDraw, draw_duration};
 use crate::agent::action_selection::ActionNoise;
 use crate::agent::{ActScratch, ActionRandom, Agent, Update, UpdateReport};
@@ -56,6 +56,13 @@ impl AlgorithmConfig for OpenLoopNoise {
         Ok(())
     }
 
+    fn random_actions(&self) -> RandomActions {
+        RandomActions {
+            are_correlated: self.noise != ActionNoise::White,
+            are_open_loop: true,
+        }
+    }
+
     fn cost_per_step(&self, _: u32) -> f64 {
         0.0
     }
@@ -68,6 +75,13 @@ impl AlgorithmConfig for Random {
 
     fn check_schedule(&self, _: ScheduleKind) -> Result<(), ScheduleError> {
         Ok(())
+    }
+
+    fn random_actions(&self) -> RandomActions {
+        RandomActions {
+            are_correlated: false,
+            are_open_loop: true,
+        }
     }
 
     fn cost_per_step(&self, _: u32) -> f64 {

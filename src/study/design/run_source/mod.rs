@@ -16,6 +16,8 @@ use crate::experiment::run_result::RunResult;
 use crate::experiment::{RunControl, RunQueue};
 use crate::study::external::{ExternalRuns, Problem};
 use seedbed_env::Quantity;
+use seedbed_learn::agent::bonus::PaidFor;
+use seedbed_learn::algorithms::RandomActions;
 
 /// The source of runs in a study file, as results call it, and the runs.
 type NamedSource = (String, Arc<dyn RunSource>);
@@ -53,6 +55,21 @@ pub trait RunSource: Debug + Send + Sync {
 
     /// Observations of the task, as far as they are known.
     fn observations(&self) -> &[Quantity];
+
+    /// Which random actions the agents take; `None` if it is not known.
+    fn random_actions(&self) -> Option<RandomActions> {
+        None
+    }
+
+    /// What the agents are paid for beside the rewards of the task; `None` if it is not known.
+    fn paid_for(&self) -> Option<PaidFor> {
+        None
+    }
+
+    /// The outlines of bodies of the task that never move, m: `[lines]` of `[points]`, as far as they are known.
+    fn walls(&self) -> Vec<Vec<[f32; 2]>> {
+        Vec::new()
+    }
 
     /// Hash of everything on which runs depend, except their run seeds or files.
     fn digest(&self) -> String;

@@ -7,6 +7,8 @@ use crate::experiment::measure::Measure;
 use crate::experiment::run_result::RunResult;
 use crate::experiment::{Experiment, RunControl, RunQueue, StopRule};
 use seedbed_env::Quantity;
+use seedbed_learn::agent::bonus::PaidFor;
+use seedbed_learn::algorithms::RandomActions;
 
 /// Runs of a scenario.
 #[derive(Clone, Debug)]
@@ -37,6 +39,18 @@ impl RunSource for ScenarioRuns {
 
     fn observations(&self) -> &[Quantity] {
         &self.experiment.spec().observations
+    }
+
+    fn random_actions(&self) -> Option<RandomActions> {
+        Some(self.experiment.random_actions())
+    }
+
+    fn paid_for(&self) -> Option<PaidFor> {
+        Some(self.experiment.paid_for())
+    }
+
+    fn walls(&self) -> Vec<Vec<[f32; 2]>> {
+        self.experiment.walls()
     }
 
     fn digest(&self) -> String {

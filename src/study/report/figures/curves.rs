@@ -2,11 +2,12 @@
 
 use rayon::prelude::*;
 
-use super::{UnnumberedFigure, capitalized, color, picture_of_curves};
+use super::{UnnumberedFigure, capitalized, picture_of_curves};
 use crate::experiment::measure::{Curve, trailing_means};
 use crate::experiment::run_result::RunResult;
 use crate::study::design::figure::CurveAxis;
 use crate::study::evaluate::results::CellResults;
+use seedbed_figure::color::series_color;
 use seedbed_figure::{Curves, Series, Threshold};
 use seedbed_stats::aggregate::median;
 use seedbed_stats::bootstrap::bootstrap_means;
@@ -30,7 +31,7 @@ pub(super) fn curves(
     let numbered = curves_of_cells.par_iter().zip(cells).enumerate();
     let series: Vec<Series> = numbered
         .filter(|(_, (curves, _))| !curves.positions.is_empty())
-        .map(|(number, (curves, cell))| curves.mean(&cell.description.name, color(number)))
+        .map(|(number, (curves, cell))| curves.mean(&cell.description.name, series_color(number)))
         .collect();
     if series.is_empty() {
         return None;
@@ -313,17 +314,7 @@ mod tests {
             curves: curves.collect(),
             ..RunResult::default()
         };
-        let mut cell = CellResults::without_runs(CellDescription {
-            name: "cell".to_owned(),
-            digest: String::new(),
-            scenario: String::new(),
-            overrides: Vec::new(),
-            agents: 1,
-            max_episodes: 30,
-            task: String::new(),
-            observations: Vec::new(),
-            external: None,
-        });
+        let mut cell = CellResults::without_runs(CellDescription::for_test("cell", 30, Vec::new()));
         cell.runs = vec![(0, run)];
         cell
     }

@@ -2,12 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::{UnnumberedFigure, capitalized, color, picture_of_curves, picture_of_one_panel};
+use super::{UnnumberedFigure, capitalized, picture_of_curves, picture_of_one_panel};
 use crate::experiment::measure::Measure;
 use crate::study::evaluate::comparison::summarize_scores;
 use crate::study::evaluate::results::CellResults;
 use crate::study::evaluate::rules::Quantity;
 use crate::study::evaluate::score::times_to_event;
+use seedbed_figure::color::series_color;
 use seedbed_figure::{Curves, IntervalRow, Intervals, Panel, Series};
 use seedbed_stats::aggregate::interquartile_mean_of_sorted;
 use seedbed_stats::bootstrap::bootstrap_sorted_statistics;
@@ -82,7 +83,12 @@ impl Group<'_> {
     }
 }
 
-pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> UnnumberedFigure {
+/// A row for each group, and a dashed line at the value of the cell `line`.
+pub(super) fn intervals(
+    groups: &[Group<'_>],
+    measure: Measure,
+    line: Option<&CellResults>,
+) -> UnnumberedFigure {
     let is_pooled = groups.iter().any(|group| group.cells.len() > 1);
     let row = |(number, group): (usize, &Group<'_>)| {
         let (center, n) = group.estimate_with_count(measure, is_pooled)?;
@@ -96,7 +102,7 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> UnnumberedFig
             estimate,
             interval,
             n,
-            color: color(number),
+            color: series_color(number),
         })
     };
     let rows: Vec<IntervalRow> = groups.par_iter().enumerate().filter_map(row).collect();
@@ -108,13 +114,20 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> UnnumberedFig
         Quantity::RestrictedMeanTime { .. } => "median of ",
     };
     let quantity_title = format!("{statistic}{}", measure.title());
+    let line = line.and_then(|cell| {
+        let summary = summarize_scores(cell.scores(measure), measure)?;
+        let value = Some(summary.center.value).filter(|value| value.is_finite())?;
+        Some((&cell.description.name, value))
+    });
     let panel = Intervals {
         x_label: quantity_title.clone(),
         rows,
+        reference: line.map(|(_, value)| value),
         ..Intervals::default()
     };
+    let line = line.map_or(String::new(), |(name, _)| format!(" Dashed: {name}."));
     let caption = format!(
-        "{} with its 95 % interval ({}).",
+        "{} with its 95 % interval ({}).{line}",
         capitalized(&quantity_title),
         interval_method(quantity, is_pooled)
     );
@@ -152,7 +165,7 @@ pub(super) fn unsolved(cells: &[&CellResults]) -> UnnumberedFigure {
             .collect();
         Series {
             name: cell.description.name.clone(),
-            color: color(number),
+            color: series_color(number),
             points,
             has_steps: true,
             ..Series::default()
@@ -230,7 +243,7 @@ fn profile(group: &Group<'_>, measure: Measure, ends: [f64; 2], number: usize) -
     let band = (!band.is_empty()).then_some(band);
     Series {
         name: group.name.clone(),
-        color: color(number),
+        color: series_color(number),
         points,
         band,
         has_steps: true,

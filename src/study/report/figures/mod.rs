@@ -1,21 +1,27 @@
 //! Figures of a report, drawn from the runs of a study.
 
+mod claims;
 mod curves;
 mod measures;
 mod scaling;
+mod scatter;
 mod visitation;
 
 use rayon::prelude::*;
 
+pub(super) use self::claims::claims;
 use self::curves::curves;
 use self::measures::{groups, intervals, profiles, unsolved};
 use self::scaling::{Differences, differences, scaling};
+use self::scatter::scatter;
 use self::visitation::visitation;
 use super::ReportFigure;
 use crate::experiment::measure::trailing_means;
+use crate::record::{difference_of_quantities, widen};
 use crate::study::design::figure::Figure;
 use crate::study::evaluate::results::{CellResults, Results};
-use seedbed_figure::color::{AGENT_COLORS, TEAM_COLOR, agent_color, categorical_color};
+use seedbed_env::Quantity;
+use seedbed_figure::color::{AGENT_COLORS, TEAM_COLOR, agent_color};
 use seedbed_figure::{Curves, Figure as Picture, Panel, Row, Series};
 
 /// Draws all figures of a study, except figures whose cells have no finished runs.
@@ -71,9 +77,14 @@ fn draw_figure(results: &Results, figure: &Figure) -> Option<UnnumberedFigure> {
         Figure::Curves { of, window, x, .. } => curves(&cells, **of, *x, window.get() as usize)?,
         Figure::Agents { window, .. } => agents(&cells, window.get() as usize),
         Figure::Visitation { episodes, .. } => visitation(&cells, episodes)?,
+        Figure::Scatter { axes, episodes, .. } => {
+            let axes = axes.as_ref().map(|(x, y)| [x.as_str(), y.as_str()]);
+            scatter(&cells, axes, *episodes)?
+        }
         Figure::Intervals { measure, over, .. } => intervals(
             &groups(&cells, over),
             measure.as_ref().map_or(main_measure, |measure| **measure),
+            figure.line().and_then(|name| results.cell(name)),
         ),
         Figure::Unsolved { .. } => unsolved(&cells),
         Figure::Profiles { measure, over, .. } => profiles(
@@ -125,16 +136,6 @@ fn picture_of_one_panel(height: f64, panel: Panel) -> Picture {
         rows: vec![row],
     }
 }
-
-/// Color of a cell, by the number of the cell in its figure.
-fn color(number: usize) -> [u8; 3] {
-    categorical_color(
-        COLOR_INDICES[number % COLOR_INDICES.len()] + 8 * (number / COLOR_INDICES.len()) as u32,
-    )
-}
-
-/// Indices of categorical colors: first those that are easily seen on white, in an order in which the first ones differ most.
-const COLOR_INDICES: [u32; 8] = [1, 0, 2, 3, 5, 4, 6, 7];
 
 fn agents(cells: &[&CellResults], window: usize) -> UnnumberedFigure {
     let full_names: Vec<String> = cells
@@ -214,6 +215,17 @@ fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
     }
 }
 
+/// The observations of a cell, with ranges that contain those of all cells with the same observations.
+fn with_common_ranges(cell: &CellResults, cells: &[&CellResults]) -> Vec<Quantity> {
+    let mut common = cell.observations();
+    for other in cells.iter().map(|cell| cell.observations()) {
+        if difference_of_quantities(&common, &other).is_none() {
+            widen(&mut common, &other);
+        }
+    }
+    common
+}
+
 /// Names of cells for narrow panels, without the parts that all names have in common.
 fn names_without_common_parts(cells: &[&CellResults]) -> Vec<String> {
     let name_parts = |cell: &&CellResults| {
@@ -247,28 +259,4 @@ fn capitalized(text: &str) -> String {
     characters.next().map_or_else(String::new, |first| {
         first.to_uppercase().chain(characters).collect()
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Contrast with white by WCAG 2.1: 1.05 / (L + 0.05) with the relative luminance L of sRGB colors. Graphics need 3.
-    #[test]
-    fn the_first_cells_are_easily_seen_on_white() {
-        let linear = |channel: u8| {
-            let share = f64::from(channel) / 255.0;
-            if share <= 0.04045 {
-                share / 12.92
-            } else {
-                ((share + 0.055) / 1.055).powf(2.4)
-            }
-        };
-        for number in 0..5 {
-            let [red, green, blue] = color(number).map(linear);
-            let luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
-            let contrast = 1.05 / (luminance + 0.05);
-            assert!(contrast > 3.0, "cell {number}: {contrast}");
-        }
-    }
 }

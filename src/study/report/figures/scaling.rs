@@ -2,13 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::{UnnumberedFigure, capitalized, color};
+use super::{UnnumberedFigure, capitalized};
 use crate::experiment::measure::Measure;
 use crate::study::design::file::has_part;
 use crate::study::evaluate::comparison::Samples;
 use crate::study::evaluate::results::{CellResults, Results, default_horizon};
 use crate::study::evaluate::rules::Quantity;
 use crate::study::evaluate::scaling::{Method, best_single_agent, methods, replace_part, values};
+use seedbed_figure::color::series_color;
 use seedbed_figure::{Curves, Figure as Picture, GridNumber, NumberGrid, Panel, Row, Series};
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::ratios::mean_with_log_interval;
@@ -78,7 +79,7 @@ fn task_panel(results: &Results, cells: &[&CellResults], measure: Measure) -> Cu
     let title = common_parts(&methods);
     let series = |(number, method): (usize, &Method<'_>)| Series {
         name: without_parts(&method.name, &title),
-        color: color(number),
+        color: series_color(number),
         ..mean_over_sizes(results, method, measure)
     };
     let reference = cells

@@ -1,16 +1,14 @@
 //! The figure of visited states: parallel coordinates of each cell, and differences from the first
 //! cell.
 
-use super::{UnnumberedFigure, names_without_common_parts};
+use super::{UnnumberedFigure, names_without_common_parts, with_common_ranges};
 use crate::experiment::run_result::VisitedStates;
 use crate::plotting::axis_with_shares;
 use crate::record::visitation::{AXIS_HEIGHT, Axes, Density, Unplaced, VisitedState};
-use crate::record::{difference_of_quantities, widen};
 use crate::run::recorder::BonusRange;
 use crate::study::design::figure::EpisodeWindow;
 use crate::study::evaluate::results::CellResults;
 use crate::text::pluralize;
-use seedbed_env::Quantity;
 use seedbed_figure::{
     DensityImage, DifferenceImage, Figure as Picture, Key, Panel, ParallelCoordinates, Row, States,
 };
@@ -20,6 +18,9 @@ const PANEL_WIDTH: f64 = 300.0;
 
 /// Height of rows of visited states, in CSS pixels.
 const ROW_HEIGHT: f64 = 250.0;
+
+/// What colors of panels show.
+const SHARE_LABEL: &str = "share of states per bin";
 
 /// Maximum number of cells side by side.
 const MAX_COLUMNS: usize = 6;
@@ -50,7 +51,7 @@ pub(super) fn visitation(
         },
         not_shown(cells)
     );
-    let scale = ShareScale::of(rows.iter().flatten());
+    let scale = ShareScale::of(rows.iter().flatten().map(|cell| cell.shares.as_slice()));
     let columns = columns.min(MAX_COLUMNS);
     let picture = Picture {
         title: String::new(),
@@ -70,7 +71,7 @@ pub(super) fn visitation(
 }
 
 /// Sentence about cells with results of others, of which studies keep no states.
-fn not_shown(cells: &[&CellResults]) -> String {
+pub(super) fn not_shown(cells: &[&CellResults]) -> String {
     let of_others = cells
         .iter()
         .filter(|cell| cell.description.external.is_some());
@@ -186,18 +187,19 @@ fn episodes_text(window: EpisodeWindow) -> String {
 
 /// One logarithmic scale of shares for all panels: from the smallest share of any pixel, which is
 /// counted as 1, to the largest.
-struct ShareScale {
+pub(super) struct ShareScale {
     smallest: f64,
     largest: f64,
 }
 
 impl ShareScale {
-    fn of<'a>(cells: impl Iterator<Item = &'a CellDensity>) -> Self {
+    /// The scale of panels with these shares.
+    pub(super) fn of<'a>(panels: impl Iterator<Item = &'a [f64]>) -> Self {
         let mut scale = Self {
             smallest: 1.0,
             largest: 0.0,
         };
-        for &share in cells.flat_map(|cell| &cell.shares) {
+        for &share in panels.flatten() {
             scale.largest = share.max(scale.largest);
             if share > 0.0 {
                 scale.smallest = share.min(scale.smallest);
@@ -206,14 +208,19 @@ impl ShareScale {
         scale
     }
 
-    fn count(&self, share: f64) -> u32 {
+    pub(super) fn count(&self, share: f64) -> u32 {
         (share / self.smallest).round() as u32
     }
 
-    fn key(&self) -> Key {
+    /// The count of the largest share.
+    pub(super) fn max_count(&self) -> u32 {
+        self.count(self.largest).max(1)
+    }
+
+    pub(super) fn key(&self, label: &str) -> Key {
         Key::Shares {
-            label: "share of states per pixel".to_owned(),
-            max_count: self.count(self.largest).max(1),
+            label: label.to_owned(),
+            max_count: self.max_count(),
             total: (1.0 / self.smallest).round() as u64,
         }
     }
@@ -228,7 +235,7 @@ fn picture_rows(cells: &[CellDensity], scale: &ShareScale, columns: usize) -> Ve
         .zip(differences.of_cells.chunks(columns))
     {
         let panels = cells.iter().map(|cell| density_panel(cell, scale));
-        rows.push(row(panels.collect(), columns, scale.key()));
+        rows.push(row(panels.collect(), columns, scale.key(SHARE_LABEL)));
         if differences_of_cells.iter().any(Option::is_some) {
             let panels = cells.iter().zip(differences_of_cells);
             let panels = panels.map(|(cell, values)| differences.panel(cell, values.as_ref()));
@@ -252,7 +259,7 @@ fn density_panel(cell: &CellDensity, scale: &ShareScale) -> Panel {
     let states = States::Density(DensityImage {
         pixels: cell.shares.iter().map(count).collect(),
         width: cell.width(),
-        max_count: scale.count(scale.largest).max(1),
+        max_count: scale.max_count(),
     });
     cell.panel(cell.title.clone(), states)
 }
@@ -308,16 +315,10 @@ impl<'a> ShareDifferences<'a> {
 /// The axes of each cell: those of its observations. Cells with the same observations have the same axes,
 /// whose ranges contain those of all of them.
 fn axes_of_cells(cells: &[&CellResults]) -> Vec<Axes> {
-    let observations: Vec<Vec<Quantity>> = cells.iter().map(|cell| cell.observations()).collect();
-    let common = |own: &Vec<Quantity>| {
-        let mut common = own.clone();
-        let of_others = observations.iter();
-        for other in of_others.filter(|other| difference_of_quantities(own, other).is_none()) {
-            widen(&mut common, other);
-        }
-        Axes::of_quantities(&common, 1, BonusRange::None)
+    let axes = |cell: &&CellResults| {
+        Axes::of_quantities(&with_common_ranges(cell, cells), 1, BonusRange::None)
     };
-    observations.iter().map(common).collect()
+    cells.iter().map(axes).collect()
 }
 
 #[cfg(test)]
@@ -331,6 +332,10 @@ mod tests {
             shares: vec![0.5; AXIS_HEIGHT],
             ..CellDensity::new(name.to_string(), name.to_string(), axes)
         }
+    }
+
+    fn scale_of(cells: &[CellDensity]) -> ShareScale {
+        ShareScale::of(cells.iter().map(|cell| cell.shares.as_slice()))
     }
 
     fn title(panel: &Panel) -> &str {
@@ -353,7 +358,7 @@ mod tests {
         let cells: Vec<CellDensity> = (0..5)
             .map(|number| cell(number, time_limit(number)))
             .collect();
-        let rows = picture_rows(&cells, &ShareScale::of(cells.iter()), 3);
+        let rows = picture_rows(&cells, &scale_of(&cells), 3);
         assert_eq!(
             titles(&rows),
             [
@@ -366,17 +371,11 @@ mod tests {
     }
 
     fn cell_of_task(name: &str, unit: &str, range: [f32; 2]) -> CellResults {
-        CellResults::without_runs(CellDescription {
-            name: name.to_owned(),
-            digest: String::new(),
-            scenario: String::new(),
-            overrides: Vec::new(),
-            agents: 1,
-            max_episodes: 1,
-            task: String::new(),
-            observations: vec![(name.to_owned(), unit.to_owned(), range)],
-            external: None,
-        })
+        CellResults::without_runs(CellDescription::for_test(
+            name,
+            1,
+            vec![(name.to_owned(), unit.to_owned(), range)],
+        ))
     }
 
     /// Two tasks have the same observation with ranges of ±1 and −10 to 2, of which −10 to 2 contains both.
@@ -399,7 +398,7 @@ mod tests {
     #[test]
     fn one_cell_has_no_row_of_differences() {
         let cells = [cell(0, 1)];
-        let rows = picture_rows(&cells, &ShareScale::of(cells.iter()), 1);
+        let rows = picture_rows(&cells, &scale_of(&cells), 1);
         assert_eq!(titles(&rows), [["0"]]);
     }
 }

@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 
+use super::figure_section;
 use super::warnings::warning;
 use crate::experiment::measure::Measure;
 use crate::study::design::file::Claim;
@@ -12,7 +13,7 @@ use crate::study::evaluate::gate::gates;
 use crate::study::evaluate::results::{Audit, Results};
 use crate::study::evaluate::rules::Rule;
 use crate::study::report::claims_table::note_about_claim;
-use crate::study::report::format;
+use crate::study::report::{ReportFigure, format};
 use seedbed_stats::Verdict;
 
 pub(super) fn registration_section(lock: &Lock, audit: &Audit) -> Markup {
@@ -27,13 +28,18 @@ pub(super) fn registration_section(lock: &Lock, audit: &Audit) -> Markup {
     }
 }
 
-pub(super) fn claims_section(results: &Results, claim_results: &[ClaimResult]) -> Markup {
+pub(super) fn claims_section(
+    results: &Results,
+    claim_results: &[ClaimResult],
+    figure: Option<&ReportFigure>,
+) -> Markup {
     html! {
         h2 { "Claims" }
         p.facts { (format::summarize_claims(claim_results)) "." }
         @if let Some(exploration) = &results.study.exploration {
             @for gate in gates(results) { p.evidence { (gate.sentence(*exploration.measure)) } }
         }
+        @if let Some(figure) = figure { (figure_section("", figure)) }
         @for (claim, claim_result) in results.study.claims.iter().zip(claim_results) {
             (claim_card(results, claim, claim_result))
         }

@@ -23,6 +23,7 @@ pub(super) fn html(
     claim_results: &[ClaimResult],
     tables: &[Table],
     figures: &[ReportFigure],
+    claims_figure: Option<&ReportFigure>,
 ) -> String {
     let study = &results.study;
     let page = html! {
@@ -45,9 +46,11 @@ pub(super) fn html(
                     @if let (Some(lock), Some(audit)) = (&results.manifest.lock, &results.audit) {
                         (registration_section(lock, audit))
                     }
-                    @if !study.claims.is_empty() { (claims_section(results, claim_results)) }
+                    @if !study.claims.is_empty() {
+                        (claims_section(results, claim_results, claims_figure))
+                    }
                     @if !figures.is_empty() { h2 { "Figures" } }
-                    @for (number, figure) in (1..).zip(figures) { (figure_section(number, figure)) }
+                    @for (number, figure) in (1..).zip(figures) { (figure_section(&format!("Figure {number}. "), figure)) }
                     @if let Some(section) = states::section(results) { (section) }
                     h2 { "Tables" }
                     @for table in tables { (table_section(table)) }
@@ -85,7 +88,8 @@ fn run_seeds_text(results: &Results) -> String {
     let last_seed = manifest.first_seed + manifest.repeats - 1;
     format!("seeds {} to {last_seed}", manifest.first_seed)
 }
-fn figure_section(number: usize, figure: &ReportFigure) -> Markup {
+/// A figure with its caption. `number`: such as `Figure 1. `, or nothing
+fn figure_section(number: &str, figure: &ReportFigure) -> Markup {
     let width = figure.picture.width;
     let min_width = width.min((0.6 * width).max(340.0));
     html! {
@@ -96,8 +100,8 @@ fn figure_section(number: usize, figure: &ReportFigure) -> Markup {
                 }
             }
             figcaption {
-                strong { "Figure " (number) ". " (figure.title) ". " } (figure.caption)
-                " Files: figures/" (figure.name) ".svg, .png."
+                strong { (number) (figure.title) ". " } (figure.caption)
+                " Files: figures/" (figure.name) ".svg, .pdf, .png."
             }
         }
     }
@@ -248,6 +252,9 @@ mod tests {
             max_episodes,
             task: "test".to_owned(),
             observations: Vec::new(),
+            walls: Vec::new(),
+            random_actions: None,
+            paid_for: None,
             external: None,
         };
         let mut cell = CellResults::without_runs(description);
@@ -313,7 +320,10 @@ mod tests {
         let claim_results = claims::evaluate(&results);
         let (tables, figures) = (tables::all(&results), figures::draw(&results));
         assert_eq!((tables.len(), figures.len()), (4, 5));
-        let page = html(&results, &claim_results, &tables, &figures);
+        let claims_figure = figures::claims(&results, &claim_results);
+        let claims_figure = claims_figure.as_ref();
+        let page = html(&results, &claim_results, &tables, &figures, claims_figure);
+        assert!(page.contains("Differences that the claims are about"));
         let mut texts = texts_between_tags(&page);
         assert!(texts.iter().any(|text| text.contains("Seeds below 1000")));
         assert!(texts.iter().any(|text| text.contains("Unequal budgets")));

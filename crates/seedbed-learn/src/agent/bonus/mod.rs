@@ -202,7 +202,29 @@ bonuses! {
     Discriminator,
 }
 
+/// Whether an algorithm pays for more than rewards of the environment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum PaidFor {
+    /// Nothing more.
+    #[default]
+    Nothing,
+    /// A bonus of a model that learns what is new.
+    New,
+    /// A bonus of a model that never learns: what is new pays as much as what is known, and so does acting on.
+    Any,
+}
+
 impl Bonus {
+    /// What the bonus pays for.
+    #[must_use]
+    pub fn paid_for(&self) -> PaidFor {
+        match self.sharing() {
+            None => PaidFor::Nothing,
+            Some(ModelSharing::Frozen) => PaidFor::Any,
+            Some(ModelSharing::Shared | ModelSharing::Independent) => PaidFor::New,
+        }
+    }
+
     /// Number of the team's newest transitions that the shared buffer must keep for training the
     /// model.
     #[must_use]

@@ -10,7 +10,7 @@ use crate::agent::bonus::Bonus;
 use crate::agent::network::Network;
 use crate::agent::network_info::{NetworkInfo, OutputTerm, ScalingInfo, setting_text};
 use crate::agent::policy;
-use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
+use crate::algorithms::{AlgorithmConfig, RandomActions, ScheduleError, ScheduleKind};
 use crate::nn::{Activation, AdamSettings};
 use crate::scaling::ObservationScaling;
 use crate::team::{IndependentLearners, Team, TeamContext};
@@ -321,6 +321,13 @@ impl AlgorithmConfig for SeedPg {
                 self.check_single_gradient_step()
             }
             ScheduleKind::Asynchronous | ScheduleKind::Synchronous { .. } => Ok(()),
+        }
+    }
+
+    fn random_actions(&self) -> RandomActions {
+        RandomActions {
+            are_correlated: self.actions.is_correlated(),
+            are_open_loop: false,
         }
     }
 

@@ -13,7 +13,7 @@ use crate::agent::bonus::Bonus;
 use crate::agent::network::Network;
 use crate::agent::network_info::{self, ModelInfo, NetworkInfo, OutputTerm, ScalingInfo};
 use crate::algorithms::seed_pg::config::TimeLimit;
-use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
+use crate::algorithms::{AlgorithmConfig, RandomActions, ScheduleError, ScheduleKind};
 use crate::experience::replay::Replay;
 use crate::nn::{Activation, AdamSettings};
 use crate::scaling::ObservationScaling;
@@ -289,6 +289,13 @@ impl<T: ValueBased> AlgorithmConfig for T {
                 "value-based learners learn all at the same time; expected `schedule: Lockstep(…)` \
                  or `Synchronous(…)`, or `algorithm: SeedPg(…)`",
             )),
+        }
+    }
+
+    fn random_actions(&self) -> RandomActions {
+        RandomActions {
+            are_correlated: matches!(self.exploration(), Exploration::EpsilonZGreedy { .. }),
+            are_open_loop: false,
         }
     }
 
