@@ -56,10 +56,11 @@ pub(super) fn print_table(episodes: &[EpisodeResult]) {
 pub(super) fn evaluation_settings(
     episodes: u32,
     args: &PlayArgs,
-) -> Result<EvaluationSettings, CliError> {
+) -> Result<EvaluationSettings<'_>, CliError> {
     Ok(EvaluationSettings {
         episodes,
         action_selection: action_selection(args.actions, args.temperature)?,
+        environment: args.environment.as_deref(),
         seed: args.seed,
     })
 }

@@ -20,6 +20,8 @@ use seedbed::storage::files::{self, Replacement};
   seedbed film recordings/cartpole/seed-0 --agent 2 --seconds 20 --out agent2.gif
   seedbed film recordings/cartpole/seed-0 --policy 2 --actions greedy --out policy2.mp4
                                                            the trained policy of agent 2 in three new episodes
+  seedbed film recordings/cartpole/seed-0 --policy 2 --environment my_pole.ron
+                                                           the same in another task
 
 On the left, the bodies of one agent: the last seconds of some episodes, in real time. If the motion of the agent was not \
 recorded (`recording: (scene: …)` in the scenario; by default every tenth episode of agent 0), and in environments of \
@@ -92,8 +94,10 @@ fn film_of_policy(args: &FilmArgs) -> Result<(Film, PathBuf), CliError> {
 
 /// Recorded actions are played, so that none is chosen.
 fn refuse_play_options(play: &PlayArgs) -> Result<(), CliError> {
-    if play.actions.is_some() || play.temperature.is_some() || play.seed != 0 {
-        let message = "--actions, --temperature and --seed need --policy: recorded episodes have their actions";
+    let is_usual =
+        play.actions.is_none() && play.temperature.is_none() && play.environment.is_none();
+    if !is_usual || play.seed != 0 {
+        let message = "--actions, --temperature, --environment and --seed need --policy: recorded episodes have their task and actions";
         return Err(CliError::Usage(message.to_owned()));
     }
     Ok(())

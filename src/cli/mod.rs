@@ -479,6 +479,9 @@ struct PlayArgs {
         allow_negative_numbers = true
     )]
     temperature: Option<f64>,
+    /// Play in another task with the same observations and actions: a name, a file, or `Gymnasium(id: "…")`
+    #[arg(long, value_name = "TASK")]
+    environment: Option<String>,
     /// Run seed for initial states and actions
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,

@@ -6,7 +6,7 @@ use super::timeline::ShownEpisode;
 use super::{Film, FilmError, FilmSettings, Motion, SeedsOfEpisodes};
 use crate::record::{RecordedEpisode, RecordedScene};
 use crate::run::Plan;
-use crate::run::evaluate::{EvaluationSettings, load_trained, play_episode};
+use crate::run::evaluate::{EvaluationSettings, load_to_play, play_episode};
 use crate::run::facts::EpisodeDetails;
 use crate::run::folder::RunFolder;
 use crate::run::training::Trainer;
@@ -26,9 +26,9 @@ impl Film {
     pub fn of_policy(
         folder: &RunFolder,
         settings: FilmSettings,
-        evaluation: &EvaluationSettings,
+        evaluation: &EvaluationSettings<'_>,
     ) -> Result<Self, FilmError> {
-        let (plan, mut trainer) = load_trained(folder, evaluation.action_selection)?;
+        let (plan, mut trainer) = load_to_play(folder, evaluation)?;
         let agent_count = trainer.agent_count();
         if settings.agent as usize >= agent_count {
             return Err(FilmError::NoAgent {
@@ -45,12 +45,23 @@ impl Film {
         }
         let settings = settings.long_enough(&episodes, trainer.spec().control_step);
         Ok(Self {
-            title: format!("{}, trained policy", plan.name),
+            title: title(&plan, evaluation),
             motion: motion(&plan, &trainer, (&episodes, scenes), settings, evaluation),
             settings,
             training: None,
         })
     }
+}
+
+fn title(plan: &Plan, evaluation: &EvaluationSettings<'_>) -> String {
+    let elsewhere = evaluation
+        .environment
+        .map(|_| format!(" in {}", plan.description.spec().name));
+    format!(
+        "{}, trained policy{}",
+        plan.name,
+        elsewhere.unwrap_or_default()
+    )
 }
 
 /// Maximum duration of a film of whole episodes, s.
@@ -72,7 +83,7 @@ impl FilmSettings {
 fn play(
     trainer: &mut Trainer,
     agent: u32,
-    evaluation: &EvaluationSettings,
+    evaluation: &EvaluationSettings<'_>,
     number: u32,
 ) -> Result<(Episode, Option<EpisodeDetails>), FilmError> {
     let scene = SceneSettings {
@@ -100,7 +111,7 @@ fn motion(
     trainer: &Trainer,
     (episodes, scenes): (&[Episode], Vec<RecordedScene>),
     settings: FilmSettings,
-    evaluation: &EvaluationSettings,
+    evaluation: &EvaluationSettings<'_>,
 ) -> Motion {
     if let TaskDescription::Gymnasium(environment) = &plan.description {
         let seeds = SeedsOfEpisodes {

@@ -14,11 +14,13 @@ use seedbed_learn::experience::Episode;
 
 /// How policies are evaluated.
 #[derive(Clone, Copy, Debug)]
-pub struct EvaluationSettings {
+pub struct EvaluationSettings<'a> {
     /// Number of episodes per agent.
     pub episodes: u32,
     /// How actions are chosen; `None` chooses them as in training.
     pub action_selection: Option<ActionSelection>,
+    /// Name or path of the task in which policies act, or `Gymnasium(…)`; `None`: that of the training.
+    pub environment: Option<&'a str>,
     /// Run seed of the evaluation, for initial states and actions; independent of the run seed of
     /// the training.
     pub seed: u64,
@@ -28,18 +30,35 @@ pub struct EvaluationSettings {
 /// episode) order.
 ///
 /// # Errors
-/// The folder has no checkpoint, or the checkpoint has another version.
+/// The folder has no checkpoint, the checkpoint has another version, or policies cannot act in the other task.
 pub fn evaluate(
     folder: &RunFolder,
-    settings: &EvaluationSettings,
+    settings: &EvaluationSettings<'_>,
 ) -> Result<(Plan, Vec<Episode>), RunError> {
-    let (plan, mut trainer) = load_trained(folder, settings.action_selection)?;
+    let (plan, mut trainer) = load_to_play(folder, settings)?;
     let mut episodes: Vec<Episode> = Vec::new();
     for number in 0..settings.episodes {
         episodes.extend(play_episode(&mut trainer, settings, number, None)?.episodes);
     }
     episodes.sort_by_key(|episode| (episode.agent, episode.episode));
     Ok((plan, episodes))
+}
+
+/// Like [`load_trained`], with a plan and a trainer in the task of `settings`.
+///
+/// # Errors
+/// Also, if the policies cannot act in it.
+pub(crate) fn load_to_play(
+    folder: &RunFolder,
+    settings: &EvaluationSettings<'_>,
+) -> Result<(Plan, Trainer), RunError> {
+    let (trained_in, mut trainer) = load_trained(folder, settings.action_selection)?;
+    let Some(environment) = settings.environment else {
+        return Ok((trained_in, trainer));
+    };
+    let plan = trained_in.in_environment(folder, environment)?;
+    trainer.move_to(&plan.description, &plan.scenario)?;
+    Ok((plan, trainer))
 }
 
 /// The plan of the run in `folder`, and its trainer as in the newest checkpoint.
@@ -78,7 +97,7 @@ pub(crate) fn load_trained(
 /// An environment cannot go on.
 pub(crate) fn play_episode(
     trainer: &mut Trainer,
-    settings: &EvaluationSettings,
+    settings: &EvaluationSettings<'_>,
     number: u32,
     scene: Option<&SceneSettings>,
 ) -> Result<PlayedEpisodes, RoundFailure> {

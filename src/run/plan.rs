@@ -6,7 +6,7 @@ use super::folder::checksums::Checksums;
 use super::folder::{self, RunFolder};
 use crate::scenario::{self, Scenario, overrides};
 use crate::text::file_stem;
-use seedbed_env::TaskDescription;
+use seedbed_env::{Choice, TaskDescription, TaskSpec};
 use seedbed_input::{Document, InputError};
 use seedbed_scene::outline;
 
@@ -40,6 +40,32 @@ impl Plan {
     pub fn of_run(folder: &RunFolder) -> Result<Self, InputError> {
         Checksums::read(folder)?.verify_scenario()?;
         Self::load(&folder.scenario_file(), &[])
+    }
+
+    /// This plan of the run in a folder, in another task with the same observations and actions: one with this name or path, or
+    /// `Gymnasium(…)`.
+    ///
+    /// # Errors
+    /// There is no such task, it has a mistake, or it has other observations or actions.
+    pub fn in_environment(
+        &self,
+        folder: &RunFolder,
+        environment: &str,
+    ) -> Result<Self, InputError> {
+        let environment = match Path::new(environment).canonicalize() {
+            Ok(path) if path.is_file() => format!("{path:?}"),
+            _ => environment.to_owned(),
+        };
+        let plan = Self::load(
+            &folder.scenario_file(),
+            &[format!("environment={environment}")],
+        );
+        let plan = plan.map_err(without_assignment)?;
+        check_interface(self.description.spec(), plan.description.spec())?;
+        Ok(Self {
+            name: self.name.clone(),
+            ..plan
+        })
     }
 
     /// The outlines of bodies of the task that never move, m: `[lines]` of `[points]`; none if the task has no bodies.
@@ -87,6 +113,61 @@ impl Plan {
             description,
         })
     }
+}
+
+/// An error in the scenario with another task, of which a user has written the task only.
+fn without_assignment(error: InputError) -> InputError {
+    if !error.origin.contains("--set") {
+        return error;
+    }
+    InputError {
+        origin: "--environment".to_owned(),
+        position: None,
+        field: String::new(),
+        ..error
+    }
+}
+
+/// Checks that policies which were trained in one task can act in another.
+fn check_interface(trained_in: &TaskSpec, other: &TaskSpec) -> Result<(), InputError> {
+    let [expected, found] = [trained_in, other].map(interface);
+    if expected == found {
+        return Ok(());
+    }
+    Err(InputError {
+        origin: "--environment".to_owned(),
+        position: None,
+        field: String::new(),
+        message: format!(
+            "policies that were trained in `{}` cannot act in `{}`, since it has other observations or actions",
+            trained_in.name, other.name
+        ),
+        help: Some(format!("expected {expected}; found {found}")),
+    })
+}
+
+/// The observations and actions of a task.
+fn interface(task: &TaskSpec) -> String {
+    let names: Vec<&str> = task
+        .observations
+        .iter()
+        .map(|observation| observation.name.as_str())
+        .collect();
+    let actions: Vec<String> = task
+        .actions
+        .iter()
+        .map(|action| match &action.choice {
+            Choice::Discrete(values) => {
+                format!("`{}` ({} choices)", action.quantity.name, values.len())
+            }
+            Choice::Continuous => format!("`{}`", action.quantity.name),
+        })
+        .collect();
+    format!(
+        "observations `{}` and actions {}",
+        names.join("`, `"),
+        actions.join(", ")
+    )
 }
 
 /// Checks what depends on several fields, or on the scenario and its task together.

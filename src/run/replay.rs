@@ -2,7 +2,7 @@
 //! agents.
 
 use super::error::RunError;
-use super::evaluate::{EvaluationSettings, load_trained, play_episode};
+use super::evaluate::{EvaluationSettings, load_to_play, play_episode};
 use super::folder::RunFolder;
 use super::measures::Measures;
 use super::plan::Plan;
@@ -17,7 +17,7 @@ use seedbed_input::numbers::ranged_count;
 #[derive(Clone, Copy, Debug)]
 pub struct ReplaySettings<'a> {
     /// Number of episodes, and how actions are chosen.
-    pub evaluation: EvaluationSettings,
+    pub evaluation: EvaluationSettings<'a>,
     /// The agents whose bodies are drawn in every episode; `None` chooses the agents whose bodies
     /// the scenario records, or else agent 0.
     pub drawn_agents: Option<&'a [u32]>,
@@ -38,7 +38,7 @@ pub fn replay(
     recorder_factory: Box<dyn RecorderFactory>,
     on_finished: &mut dyn FnMut(u32),
 ) -> Result<(Plan, Vec<EpisodeRow>), RunError> {
-    let (plan, mut trainer) = load_trained(folder, settings.evaluation.action_selection)?;
+    let (plan, mut trainer) = load_to_play(folder, &settings.evaluation)?;
     let recording = recording_settings(&plan, settings.drawn_agents)?;
     let mut recorder = create_recorder(&plan, &trainer, settings, recorder_factory, &recording)?;
     let mut measures = Measures::new(trainer.spec(), trainer.agent_count());

@@ -221,9 +221,10 @@ fn interrupted_run(folder: &Path) {
     execute(&plan(), folder, false, 3).unwrap();
 }
 
-const EVALUATION: EvaluationSettings = EvaluationSettings {
+const EVALUATION: EvaluationSettings<'static> = EvaluationSettings {
     episodes: 2,
     action_selection: None,
+    environment: None,
     seed: 0,
 };
 

@@ -605,6 +605,7 @@ fn evaluated(folder: &Path, action_selection: Option<ActionSelection>) -> Vec<Ep
     let settings = EvaluationSettings {
         episodes: 1,
         action_selection,
+        environment: None,
         seed: 3,
     };
     evaluate(&RunFolder::new(folder), &settings).unwrap().1

@@ -1,5 +1,6 @@
 //! `seedbed evaluate` and `seedbed replay`.
 
+use std::fs;
 use std::process::Output;
 
 use crate::recording::contents::RecordingContents;
@@ -53,6 +54,66 @@ fn a_run_is_evaluated() {
     let default = evaluated_return(run, &[]);
     assert_eq!(default, evaluated_return(run, &["--actions", "sampled"]));
     assert_ne!(default, evaluated_return(run, &["--seed", "1"]));
+}
+
+/// A policy that keeps the pole up for longer than 30 steps gets all 30 rewards of a shorter task.
+#[test]
+fn a_policy_acts_in_another_task_with_the_same_interface() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, short) = (folder.path().join("run"), folder.path().join("short.ron"));
+    let (run, short) = (path.to_str().unwrap(), short.to_str().unwrap());
+    fs::copy("envs/cartpole.ron", folder.path().join("cartpole.ron")).unwrap();
+    fs::write(short, r#"Environment(extends: "cartpole", time_limit: 30)"#).unwrap();
+    let train = [
+        "run",
+        "scenarios/cartpole_16.ron",
+        "--quiet",
+        "--no-recording",
+        "--out",
+        run,
+        "--set",
+        "stop=Episodes(40)",
+    ];
+    assert!(seedbed(&train).status.success());
+    assert_eq!(
+        evaluated_return(run, &["--actions", "greedy", "--environment", short]),
+        30.0
+    );
+
+    let film = path.join("short.gif");
+    let filmed = seedbed(&[
+        "film",
+        run,
+        "--policy",
+        "1",
+        "--environment",
+        short,
+        "--out",
+        film.to_str().unwrap(),
+    ]);
+    assert!(
+        filmed.status.success() && film.is_file(),
+        "{}",
+        stderr(&filmed)
+    );
+
+    for (environment, expected) in [
+        (
+            "pendulum",
+            "error: --environment: policies that were trained in `cartpole` cannot act in `pendulum`, since it has other observations or actions\n  \
+             = help: expected observations `x`, `x_dot`, `theta`, `theta_dot` and actions `force` (2 choices); found",
+        ),
+        ("cartpol", "error: --environment"),
+        ("mistakes/cartpole_nothing", "error: --environment"),
+    ] {
+        let refused = seedbed(&["evaluate", run, "--environment", environment]);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(
+            stderr(&refused).starts_with(expected),
+            "{}",
+            stderr(&refused)
+        );
+    }
 }
 
 #[test]

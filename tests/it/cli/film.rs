@@ -101,7 +101,10 @@ fn a_trained_policy_is_filmed() {
     let first = film(&[]);
     assert!(first == film(&[]) && first != film(&["--seed", "1"]));
     let message = run_refused(&["film", run, "--actions", "greedy"]);
-    assert!(message.starts_with("error: --actions, --temperature and --seed need --policy"));
+    assert!(
+        message
+            .starts_with("error: --actions, --temperature, --environment and --seed need --policy")
+    );
     let message = run_refused(&["film", run, "--policy", "7"]);
     assert!(message.contains("has no agent 7: it has agents 0 to 1"));
 }

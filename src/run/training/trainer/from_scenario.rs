@@ -1,6 +1,6 @@
 //! Trainers of what a scenario describes.
 
-use super::{Trainer, TrainingSettings};
+use super::{Trainer, TrainingSettings, number_agents};
 use crate::run::ranks::Ranks;
 use crate::run::training::team_on_ranks::team_on_ranks;
 use crate::run::training::thread_count;
@@ -43,6 +43,24 @@ impl Trainer {
             ..training_settings(scenario, threads)
         };
         Ok(Self::with_groups(environments, team, settings))
+    }
+
+    /// Lets the team act in another task with the same observations and actions. It cannot learn there.
+    ///
+    /// # Errors
+    /// The task cannot be built as the scenario asks.
+    pub(crate) fn move_to(
+        &mut self,
+        description: &TaskDescription,
+        scenario: &Scenario,
+    ) -> Result<(), InputError> {
+        let description = description.for_run(scenario.seed);
+        let environments =
+            build_groups(&description, scenario, self.settings.threads, Ranks::SINGLE)?;
+        let first = &environments[0];
+        (self.spec, self.scene) = (first.spec().clone(), first.scene().cloned());
+        self.groups = number_agents(environments, 0);
+        Ok(())
     }
 
     /// The team that a scenario describes, for one thread and copies in a shared world. Bodies are

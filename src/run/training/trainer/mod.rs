@@ -293,7 +293,10 @@ fn thread_pool(threads: usize) -> ThreadPool {
 }
 
 /// Groups whose agents are numbered consecutively from `first_agent` on.
-fn number_agents(environments: Vec<Box<dyn Environment>>, mut first_agent: u32) -> Vec<CopyGroup> {
+pub(super) fn number_agents(
+    environments: Vec<Box<dyn Environment>>,
+    mut first_agent: u32,
+) -> Vec<CopyGroup> {
     let number = |environment: Box<dyn Environment>| {
         let group = CopyGroup {
             first_agent,
