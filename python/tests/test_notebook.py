@@ -18,7 +18,7 @@ LANDING = REPOSITORY / "docs/lunar_lander.ipynb"
 def executed(notebook: Path, folder: Path) -> list[Any]:
     """The code cells with their outputs."""
     cells = nbformat.read(notebook, as_version=4)
-    NotebookClient(cells, timeout=300, resources={"metadata": {"path": str(folder)}}).execute()
+    NotebookClient(cells, timeout=1200, resources={"metadata": {"path": str(folder)}}).execute()
     return [cell for cell in cells.cells if cell.cell_type == "code"]
 
 
