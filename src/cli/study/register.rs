@@ -51,6 +51,13 @@ pub(super) fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), Cli
             pluralize(ancestors, "lock")
         );
     }
+    for related in &lock.registered.related {
+        say!(
+            "beside     {} ({}) has cells in common, and stays registered",
+            terminal_line(&related.study),
+            related.short_id()
+        );
+    }
     let runs_before = lock.registered.seen_before.iter();
     let runs_before: usize = runs_before.map(|(_, runs)| runs).sum();
     let others = lock

@@ -80,8 +80,22 @@ pub struct Registered {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub seen_files: Vec<SeenFile>,
     /// Earlier locks of this study, the first one first, and those in the project's log that have a cell or the
-    /// name in common with it.
+    /// name in common with it, and are not those of `related`.
     pub ancestors: Vec<Ancestor>,
+    /// Other studies in the same directory that were registered before and have a cell in common with this one.
+    // Not in the hash of earlier locks.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub related: Vec<RelatedStudy>,
+}
+
+/// Another registered study, which stays registered.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RelatedStudy {
+    /// Its name.
+    pub study: String,
+    /// Id of its lock.
+    pub id: String,
 }
 
 /// Numbers of runs in the [log of the project](crate::run_log).
@@ -137,6 +151,14 @@ pub struct Ancestor {
     pub claims: Vec<String>,
     /// Its looks.
     pub looks: Vec<u64>,
+}
+
+impl RelatedStudy {
+    /// The first digits of the id of its lock.
+    #[must_use]
+    pub fn short_id(&self) -> &str {
+        short_id(&self.id)
+    }
 }
 
 /// Error: a study cannot be registered or confirmed.
@@ -211,6 +233,7 @@ impl Registered {
                 .collect(),
             seen_files: Vec::new(),
             ancestors: Vec::new(),
+            related: Vec::new(),
         }
     }
 
@@ -406,7 +429,7 @@ impl Lock {
     /// First digits of the id.
     #[must_use]
     pub fn short_id(&self) -> &str {
-        self.id.get(..SHOWN_DIGITS).unwrap_or(&self.id)
+        short_id(&self.id)
     }
 
     /// Claims of earlier locks that this lock does not have, each once.
@@ -448,6 +471,11 @@ impl Lock {
     }
 }
 
+/// First digits of an id.
+fn short_id(id: &str) -> &str {
+    id.get(..SHOWN_DIGITS).unwrap_or(id)
+}
+
 fn file_error(path: &Path, error: &dyn Display) -> FileError {
     FileError {
         path: path.to_owned(),
@@ -480,6 +508,7 @@ mod tests {
             results_of_others: Vec::new(),
             seen_files: Vec::new(),
             ancestors: Vec::new(),
+            related: Vec::new(),
         }
     }
 

@@ -1,13 +1,18 @@
 //! Registration of a study: its lock is written beside its file, and compared with it before its runs are used.
 
 use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
 use std::sync::Arc;
 
 use super::FormerDigests;
 use super::cell::{Cell, CellDescription};
 use super::file::Study;
-use super::lock::{Ancestor, Lock, Registered, RegistrationError, SeenFile, SeenInLog};
+use super::lock::{
+    Ancestor, Lock, Registered, RegistrationError, RelatedStudy, SeenFile, SeenInLog,
+};
 use super::plan::StudyPlan;
+use crate::input_files::folder_of;
 use crate::run_log::{LoggedRuns, RunLog};
 use crate::study::external::{ExternalRuns, SeenFiles};
 use crate::study::file_error::{replace_file, to_json};
@@ -39,11 +44,13 @@ impl Lock {
         };
         let logged = log.runs();
         let study = Registered::of_plan(plan);
+        let related = related_studies(&study, &path);
         let registered = Registered {
             seen_before: seen_before(plan, &logged, stored),
             run_log: log.is_kept().then(|| seen_in_log(plan, &logged)),
             seen_files: seen_files(plan, earlier.as_ref()),
-            ancestors: ancestors(&study, earlier.as_ref(), log.locks()),
+            ancestors: ancestors(&study, earlier.as_ref(), log.locks(), &related),
+            related,
             ..study
         };
         if let Some(lock) = earlier
@@ -156,17 +163,47 @@ fn own_cells(plan: &StudyPlan) -> impl Iterator<Item = &Cell> {
 }
 
 /// The ancestors of a new lock: the lock beside the study with its own, and the related ones in the log, of which whoever
-/// renamed the study or deleted its lock says nothing.
-fn ancestors(study: &Registered, beside: Option<&Lock>, logged: Vec<Lock>) -> Vec<Ancestor> {
-    let is_related = |lock: &Lock| lock.is_unchanged() && lock.is_related(study);
-    let related: Vec<Lock> = logged.into_iter().filter(is_related).collect();
+/// renamed the study or deleted its lock says nothing. `others` stay registered.
+fn ancestors(
+    study: &Registered,
+    beside: Option<&Lock>,
+    logged: Vec<Lock>,
+    others: &[RelatedStudy],
+) -> Vec<Ancestor> {
+    let is_ancestor = |lock: &Lock| {
+        let stays = others.iter().any(|other| other.id == lock.id);
+        !stays && lock.is_unchanged() && lock.is_related(study)
+    };
+    let logged: Vec<Lock> = logged.into_iter().filter(is_ancestor).collect();
     let mut ancestors: Vec<Ancestor> = Vec::new();
-    for ancestor in related.iter().chain(beside).flat_map(Lock::with_ancestors) {
+    for ancestor in logged.iter().chain(beside).flat_map(Lock::with_ancestors) {
         if !ancestors.iter().any(|other| other.id == ancestor.id) {
             ancestors.push(ancestor);
         }
     }
     ancestors
+}
+
+/// The other studies beside that with the lock at `path` that have a lock and a cell in common with it, by name.
+fn related_studies(study: &Registered, path: &Path) -> Vec<RelatedStudy> {
+    let entries = fs::read_dir(Path::new(".").join(folder_of(path)));
+    let files = entries.into_iter().flatten().flatten();
+    let others = files.map(|entry| entry.path()).filter(|file| {
+        let is_lock = file
+            .extension()
+            .is_some_and(|extension| extension == "lock");
+        is_lock && file.file_name() != path.file_name() && file.with_extension("").is_file()
+    });
+    let locks = others.filter_map(|file| Lock::read(&file).ok());
+    let mut related: Vec<RelatedStudy> = locks
+        .filter(|lock| lock.is_related(study))
+        .map(|lock| RelatedStudy {
+            study: lock.registered.study,
+            id: lock.id,
+        })
+        .collect();
+    related.sort_by(|one, other| one.study.cmp(&other.study));
+    related
 }
 
 impl StudyPlan {

@@ -192,6 +192,12 @@ fn notes_on_history(lock: &Lock) -> Vec<String> {
             "A claim of an earlier lock was withdrawn: `{claim}`."
         ));
     }
+    for related in &lock.registered.related {
+        notes.push(format!(
+            "Another study with some of these cells is registered: {}, {}.",
+            related.study, related.id
+        ));
+    }
     if let Some(log) = &lock.registered.run_log {
         notes.push(format!(
             "When the study was registered, the project's log had {}, of which {} with other settings in tasks of this study.",

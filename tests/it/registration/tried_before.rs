@@ -88,6 +88,28 @@ fn deleted_locks_and_renamed_studies_are_in_the_history() {
     assert_follows_one_lock(&registered);
 }
 
+/// A study that stays registered beside another one with some of its cells has withdrawn nothing.
+#[test]
+fn studies_that_stay_registered_are_named_and_not_in_the_history() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.logged_successfully(&["study", "register", "small.ron"]);
+    let study = fs::read_to_string(fixture.path("small.ron")).unwrap();
+    let other = study.replace("smallest: 5", "smallest: 1");
+    fs::write(fixture.path("other.ron"), other).unwrap();
+    let registered = fixture.logged_successfully(&["study", "register", "other.ron"]);
+    assert!(
+        registered.contains("beside     small (") && !registered.contains("history"),
+        "{registered}"
+    );
+    assert!(!registered.contains("withdrawn"), "{registered}");
+    let notes = fixture.notes("other.ron");
+    let expected = "Another study with some of these cells is registered: small, ";
+    assert!(
+        notes.iter().any(|note| note.starts_with(expected)),
+        "{notes:?}"
+    );
+}
+
 #[test]
 fn a_log_that_cannot_be_written_is_named_and_stops_nothing() {
     let fixture = Fixture::new(&with_repeats(6));
