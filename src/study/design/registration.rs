@@ -170,14 +170,12 @@ fn ancestors(
     logged: Vec<Lock>,
     others: &[RelatedStudy],
 ) -> Vec<Ancestor> {
-    let is_ancestor = |lock: &Lock| {
-        let stays = others.iter().any(|other| other.id == lock.id);
-        !stays && lock.is_unchanged() && lock.is_related(study)
-    };
+    let stays = |id: &str| others.iter().any(|other| other.id == id);
+    let is_ancestor = |lock: &Lock| lock.is_unchanged() && lock.is_related(study);
     let logged: Vec<Lock> = logged.into_iter().filter(is_ancestor).collect();
     let mut ancestors: Vec<Ancestor> = Vec::new();
     for ancestor in logged.iter().chain(beside).flat_map(Lock::with_ancestors) {
-        if !ancestors.iter().any(|other| other.id == ancestor.id) {
+        if !stays(&ancestor.id) && !ancestors.iter().any(|other| other.id == ancestor.id) {
             ancestors.push(ancestor);
         }
     }
