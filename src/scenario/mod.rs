@@ -339,7 +339,8 @@ pub fn environment_path(
     }
     let start_folders = input_files::start_folders(&folder);
     input_files::find(name, Directory::Environments, &start_folders).map_err(|known| {
-        scenario.locate(environment.unknown_name("environment", known.iter().map(String::as_str)))
+        let error = environment.unknown_name("environment", known.iter().map(String::as_str));
+        scenario.locate(error.or_help("`seedbed list environments` lists them"))
     })
 }
 

@@ -107,6 +107,24 @@ mod tests {
         );
     }
 
+    /// A value with parentheses is not taken for a name that lacks its quotes, and errors in other fields have no line of the
+    /// file.
+    #[test]
+    fn errors_say_what_a_user_wrote() {
+        let message = error_message("environment=Gymnasium(id: 3)");
+        assert!(
+            message
+                .starts_with("--set environment=Gymnasium(id: 3): in `environment.id`: expected"),
+            "{message}"
+        );
+        let changed = apply(&document(), "agents.count=2").unwrap();
+        let error = changed.locate(changed.value.environment.error("wrong"));
+        assert_eq!(
+            error.to_string().lines().next(),
+            Some("short.ron with --set: in `environment`: wrong")
+        );
+    }
+
     /// A value of a wrong form is answered with the forms.
     #[test]
     fn errors_list_the_forms_of_a_field() {

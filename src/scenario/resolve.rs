@@ -4,7 +4,8 @@ use serde::de::DeserializeOwned;
 
 use seedbed_input::limits::MAX_OVERRIDE_BYTES;
 use seedbed_input::{
-    Document, InputError, ValidationError, nearest_name, path_with_new_names, quoted_list,
+    Document, InputError, ValidationError, WITH_REPLACED_VALUES, nearest_name, path_with_new_names,
+    quoted_list,
 };
 use seedbed_learn::algorithms::catalog::Parameter;
 use seedbed_settings::{UnknownField, opening, replace};
@@ -97,15 +98,24 @@ pub(super) fn apply_value<T: Resolve>(
         Ok(parsed.value)
     };
     // Shells remove quotes, so that a text such as the name of an environment may come without them.
-    let value = parse(value).or_else(|error| parse(&format!("{value:?}")).map_err(|_| error))?;
+    let value = match parse(value) {
+        Err(error) if !is_call(value) => parse(&format!("{value:?}")).map_err(|_| error)?,
+        parsed => parsed?,
+    };
     // The text is parsed again, so that later errors show lines of the resolved scenario.
-    let origin = format!(
-        "{} with --set",
-        document.origin.trim_end_matches(" with --set")
-    );
+    let file = document.origin.trim_end_matches(WITH_REPLACED_VALUES);
+    let origin = format!("{file}{WITH_REPLACED_VALUES}");
     Ok(Document {
         former_names: document.former_names.clone(),
         ..seedbed_input::parse(&origin, value.resolved())?
+    })
+}
+
+/// Whether a value is written as `Name(…)`, such as `Gymnasium(id: "CartPole-v1")`.
+fn is_call(value: &str) -> bool {
+    let name = value.split_once('(').map(|(name, _)| name.trim_end());
+    name.is_some_and(|name| {
+        name.starts_with(char::is_uppercase) && name.chars().all(char::is_alphanumeric)
     })
 }
 

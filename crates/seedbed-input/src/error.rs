@@ -18,6 +18,9 @@ pub struct InputError {
     pub help: Option<String>,
 }
 
+/// The end of the origin of a text in which `--set` has replaced values, and which has all defaults.
+pub const WITH_REPLACED_VALUES: &str = " with --set";
+
 /// A place in a text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Position {
@@ -63,7 +66,9 @@ impl InputError {
 impl fmt::Display for InputError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{}", self.origin)?;
-        if let Some(position) = &self.position {
+        // Lines of the text with all defaults are not those of the file.
+        let is_of_file = !self.origin.ends_with(WITH_REPLACED_VALUES);
+        if let Some(position) = self.position.as_ref().filter(|_| is_of_file) {
             write!(formatter, ":{}:{}", position.line, position.column)?;
         }
         if !self.field.is_empty() {

@@ -25,7 +25,7 @@ use seedbed_settings::{Node, Settings, Tree};
 use serde::de::{DeserializeOwned, IgnoredAny};
 
 pub use builtin::{BuiltinFile, DiskAndBuiltin, is_builtin};
-pub use error::{InputError, Position, error_at};
+pub use error::{InputError, Position, WITH_REPLACED_VALUES, error_at};
 pub use explanation::NAME_IN_QUOTES;
 pub use files::{
     Disk, FileSource, find_upwards, folders_upwards, is_ron, read_text, read_text_from, unreadable,

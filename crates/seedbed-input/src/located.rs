@@ -69,6 +69,12 @@ pub struct ValidationError {
     within: (usize, usize),
 }
 
+/// Maximum number of valid names that an error lists.
+const MAX_LISTED_NAMES: usize = 40;
+
+/// Number of names that are shown of more.
+const SHOWN_NAMES: usize = 5;
+
 impl<T> Document<T> {
     /// Turns an error about a value of this document into one with its position and field.
     #[must_use]
@@ -138,11 +144,14 @@ impl<T: AsRef<str>> Located<T> {
         valid: impl IntoIterator<Item = &'a str> + Clone,
     ) -> ValidationError {
         let found = self.value.as_ref();
-        let names = quoted_list(valid.clone());
-        let expected = if names.is_empty() {
-            "there are none".to_owned()
-        } else {
-            format!("expected one of {names}")
+        let count = valid.clone().into_iter().count();
+        let expected = match count {
+            0 => "there are none".to_owned(),
+            1..=MAX_LISTED_NAMES => format!("expected one of {}", quoted_list(valid.clone())),
+            _ => {
+                let some = quoted_list(valid.clone().into_iter().take(SHOWN_NAMES));
+                format!("expected one of {count} names, such as {some}")
+            }
         };
         ValidationError {
             ordinal: self.ordinal,
@@ -159,6 +168,13 @@ impl ValidationError {
     #[must_use]
     pub fn at(mut self, line: usize, column: usize) -> Self {
         self.within = (line, column);
+        self
+    }
+
+    /// The same error with a hint, if it has none.
+    #[must_use]
+    pub fn or_help(mut self, help: impl Into<String>) -> Self {
+        self.help.get_or_insert_with(|| help.into());
         self
     }
 

@@ -101,13 +101,20 @@ impl<'t> Reader<'t> {
 
     fn placed(self, mut failure: Failure) -> Failure {
         if failure.place().is_none() {
-            let repeated = match failure.problem() {
+            let place = match failure.problem() {
                 Problem::DuplicateField(name) => self.second_field(name),
+                // A closing bracket alone in its line does not show what the message is about.
+                Problem::Message(_) if self.has_several_lines() => Some(self.node.place.start),
                 _ => None,
             };
-            failure.set_place(repeated.unwrap_or_else(|| self.place()));
+            failure.set_place(place.unwrap_or_else(|| self.place()));
         }
         failure
+    }
+
+    fn has_several_lines(self) -> bool {
+        let text = &self.context.text[self.node.place.clone()];
+        text.ends_with([')', ']', '}']) && text.contains('\n')
     }
 
     fn second_field(self, name: &str) -> Option<usize> {
