@@ -154,6 +154,14 @@ pub struct Ancestor {
 }
 
 impl RelatedStudy {
+    /// The study of a lock.
+    pub(super) fn of_lock(lock: &Lock) -> Self {
+        Self {
+            study: lock.registered.study.clone(),
+            id: lock.id.clone(),
+        }
+    }
+
     /// The first digits of the id of its lock.
     #[must_use]
     pub fn short_id(&self) -> &str {

@@ -44,13 +44,13 @@ impl Lock {
         };
         let logged = log.runs();
         let study = Registered::of_plan(plan);
-        let related = related_studies(&study, &path);
+        let related = related_locks(&study, &path);
         let registered = Registered {
             seen_before: seen_before(plan, &logged, stored),
             run_log: log.is_kept().then(|| seen_in_log(plan, &logged)),
             seen_files: seen_files(plan, earlier.as_ref()),
             ancestors: ancestors(&study, earlier.as_ref(), log.locks(), &related),
-            related,
+            related: related.iter().map(RelatedStudy::of_lock).collect(),
             ..study
         };
         if let Some(lock) = earlier
@@ -163,27 +163,30 @@ fn own_cells(plan: &StudyPlan) -> impl Iterator<Item = &Cell> {
 }
 
 /// The ancestors of a new lock: the lock beside the study with its own, and the related ones in the log, of which whoever
-/// renamed the study or deleted its lock says nothing. `others` stay registered.
+/// renamed the study or deleted its lock says nothing; but not the `others` that stay registered, nor their ancestors.
 fn ancestors(
     study: &Registered,
     beside: Option<&Lock>,
     logged: Vec<Lock>,
-    others: &[RelatedStudy],
+    others: &[Lock],
 ) -> Vec<Ancestor> {
-    let stays = |id: &str| others.iter().any(|other| other.id == id);
+    let histories = others.iter().flat_map(Lock::with_ancestors);
+    let of_others: BTreeSet<String> = histories.map(|lock| lock.id).collect();
     let is_ancestor = |lock: &Lock| lock.is_unchanged() && lock.is_related(study);
     let logged: Vec<Lock> = logged.into_iter().filter(is_ancestor).collect();
     let mut ancestors: Vec<Ancestor> = Vec::new();
     for ancestor in logged.iter().chain(beside).flat_map(Lock::with_ancestors) {
-        if !stays(&ancestor.id) && !ancestors.iter().any(|other| other.id == ancestor.id) {
+        if !of_others.contains(&ancestor.id)
+            && !ancestors.iter().any(|other| other.id == ancestor.id)
+        {
             ancestors.push(ancestor);
         }
     }
     ancestors
 }
 
-/// The other studies beside that with the lock at `path` that have a lock and a cell in common with it, by name.
-fn related_studies(study: &Registered, path: &Path) -> Vec<RelatedStudy> {
+/// The locks of other studies beside that with the lock at `path` that have a cell in common with it, by the names of their studies.
+fn related_locks(study: &Registered, path: &Path) -> Vec<Lock> {
     let entries = fs::read_dir(Path::new(".").join(folder_of(path)));
     let files = entries.into_iter().flatten().flatten();
     let others = files.map(|entry| entry.path()).filter(|file| {
@@ -193,14 +196,8 @@ fn related_studies(study: &Registered, path: &Path) -> Vec<RelatedStudy> {
         is_lock && file.file_name() != path.file_name() && file.with_extension("").is_file()
     });
     let locks = others.filter_map(|file| Lock::read(&file).ok());
-    let mut related: Vec<RelatedStudy> = locks
-        .filter(|lock| lock.is_related(study))
-        .map(|lock| RelatedStudy {
-            study: lock.registered.study,
-            id: lock.id,
-        })
-        .collect();
-    related.sort_by(|one, other| one.study.cmp(&other.study));
+    let mut related: Vec<Lock> = locks.filter(|lock| lock.is_related(study)).collect();
+    related.sort_by(|one, other| one.registered.study.cmp(&other.registered.study));
     related
 }
 

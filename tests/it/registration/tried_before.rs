@@ -91,8 +91,11 @@ fn deleted_locks_and_renamed_studies_are_in_the_history() {
 /// A study that stays registered beside another one with some of its cells has withdrawn nothing.
 #[test]
 fn studies_that_stay_registered_are_named_and_not_in_the_history() {
-    let fixture = Fixture::new(&with_repeats(6));
+    let fixture = Fixture::new(&with_repeats(6).replace("smallest: 5", "smallest: 3"));
     fixture.logged_successfully(&["study", "register", "small.ron"]);
+    fixture.write_study(&with_repeats(6));
+    let again = fixture.logged_successfully(&["study", "register", "small.ron"]);
+    assert!(again.contains("history    1 lock"), "{again}");
     let study = fs::read_to_string(fixture.path("small.ron")).unwrap();
     let other = study.replace("smallest: 5", "smallest: 1");
     fs::write(fixture.path("other.ron"), other).unwrap();
