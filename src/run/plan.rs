@@ -53,7 +53,7 @@ impl Plan {
         environment: &str,
     ) -> Result<Self, InputError> {
         let environment = match Path::new(environment).canonicalize() {
-            Ok(path) if path.is_file() => format!("{path:?}"),
+            Ok(path) if path.is_file() => format!("{:?}", path.to_string_lossy()),
             _ => environment.to_owned(),
         };
         let plan = Self::load(

@@ -44,6 +44,23 @@ pub(super) fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), Cli
             pluralize(seen_files, "file")
         );
     }
+    print_history(&lock);
+    say!(
+        "lock       {} ({})",
+        Lock::path(&plan.path).display(),
+        lock.short_id()
+    );
+    say!("next       seedbed study confirm {}", plan.path.display());
+    if confirmatory > 0 {
+        say!("");
+        print_power(plan);
+        warn_of_low_power(plan);
+    }
+    Ok(())
+}
+
+/// Prints what was registered and tried before.
+fn print_history(lock: &Lock) {
     let ancestors = lock.registered.ancestors.len();
     if ancestors > 0 {
         say!(
@@ -74,18 +91,6 @@ pub(super) fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), Cli
     for claim in lock.withdrawn_claims() {
         say!("withdrawn  {claim}");
     }
-    say!(
-        "lock       {} ({})",
-        Lock::path(&plan.path).display(),
-        lock.short_id()
-    );
-    say!("next       seedbed study confirm {}", plan.path.display());
-    if confirmatory > 0 {
-        say!("");
-        print_power(plan);
-        warn_of_low_power(plan);
-    }
-    Ok(())
 }
 
 /// Power below which most people would not begin a study.
