@@ -73,13 +73,8 @@ impl Row<'_> {
             return Ok(None);
         }
         let is_censored = measure.is_time() && !value.is_finite();
-        let end = if measure.is_time_in_env_steps() {
-            "env_steps"
-        } else {
-            "episodes"
-        };
         let observed_until = if is_censored {
-            self.required(end)?
+            self.observed_until(measure)?
         } else {
             f64::INFINITY
         };
@@ -89,6 +84,24 @@ impl Row<'_> {
             observed_until,
             magnitude: value.abs(),
         }))
+    }
+
+    /// Until when a time that was not reached was observed.
+    fn observed_until(&self, measure: Measure) -> Result<f64, String> {
+        if measure.is_time_in_env_steps() {
+            return self.required("env_steps");
+        }
+        let episodes: f64 = self.required("episodes")?;
+        if measure != Measure::EpisodesToSpread {
+            return Ok(episodes);
+        }
+        // It is counted from the first find. Without a column of finds, nothing is known but that it is no shorter than 1.
+        let found = if self.columns.contains_key(FIRST_FIND) {
+            self.value(FIRST_FIND)?
+        } else {
+            None
+        };
+        Ok(1.0 + episodes - found.unwrap_or(episodes))
     }
 
     /// Checks that the row says of its cell what the study says, and that a run of it can have these
@@ -245,8 +258,12 @@ impl Row<'_> {
     }
 
     /// Whether the run may lack a measure that other runs of its cell have: it ended before the episode
-    /// at which it is measured.
+    /// at which it is measured, or no agent found what would have spread.
     pub(super) fn may_lack(&self, measure: Measure) -> Result<bool, String> {
+        if measure == Measure::EpisodesToSpread {
+            let reach: Option<f64> = self.value("reach")?;
+            return Ok(reach.is_none_or(|reach| reach == 0.0));
+        }
         Ok(self.ended_before(measure)?.unwrap_or(true))
     }
 
@@ -268,6 +285,9 @@ impl Row<'_> {
         }
     }
 }
+
+/// The column of the measure `EpisodesToFind`.
+const FIRST_FIND: &str = "EpisodesToFind";
 
 /// The columns of all studies that are measures.
 fn same_in_all_studies() -> [(&'static str, Measure); 9] {
