@@ -75,7 +75,7 @@ fn check_warns_of_agents_that_cannot_learn_before_a_reward() {
 }
 
 #[test]
-fn check_lists_the_known_environments_if_a_name_is_unknown() {
+fn check_suggests_an_environment_if_a_name_is_unknown() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wrong.ron");
     std::fs::write(&path, "Scenario(\n    environment: \"cartpol\",\n)").unwrap();
@@ -88,7 +88,7 @@ fn check_lists_the_known_environments_if_a_name_is_unknown() {
     assert!(
         output.status.code() == Some(2)
             && printed.starts_with(&place)
-            && printed.contains("`cartpole`, "),
+            && printed.contains(" names, such as `acrobot`, "),
         "{printed}"
     );
     assert!(
