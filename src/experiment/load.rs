@@ -134,11 +134,8 @@ fn wrong_kind(origin: &str, kind: FileKind) -> InputError {
         _ => ("an environment", "preview"),
     };
     InputError {
-        origin: origin.to_owned(),
-        position: None,
-        field: String::new(),
-        message: format!("expected a scenario, found {noun}"),
         help: Some(format!("use `seedbed {command} {origin}`")),
+        ..InputError::about(origin, format!("expected a scenario, found {noun}"))
     }
 }
 

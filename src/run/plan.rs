@@ -7,7 +7,7 @@ use super::folder::{self, RunFolder};
 use crate::scenario::{self, Scenario, overrides};
 use crate::text::file_stem;
 use seedbed_env::{Choice, TaskDescription, TaskSpec};
-use seedbed_input::{Document, InputError};
+use seedbed_input::{Document, InputError, WITH_REPLACED_VALUES, quoted_list};
 use seedbed_scene::outline;
 
 /// A scenario and its task, read and checked: all that determines the results of a run.
@@ -117,7 +117,8 @@ impl Plan {
 
 /// An error in the scenario with another task, of which a user has written the task only.
 fn without_assignment(error: InputError) -> InputError {
-    if !error.origin.contains("--set") {
+    let is_of_task = !error.origin.starts_with("--set ");
+    if is_of_task && !error.origin.ends_with(WITH_REPLACED_VALUES) {
         return error;
     }
     InputError {
@@ -134,25 +135,22 @@ fn check_interface(trained_in: &TaskSpec, other: &TaskSpec) -> Result<(), InputE
     if expected == found {
         return Ok(());
     }
+    let message = format!(
+        "policies that were trained in `{}` cannot act in `{}`, since it has other observations or actions",
+        trained_in.name, other.name
+    );
     Err(InputError {
-        origin: "--environment".to_owned(),
-        position: None,
-        field: String::new(),
-        message: format!(
-            "policies that were trained in `{}` cannot act in `{}`, since it has other observations or actions",
-            trained_in.name, other.name
-        ),
         help: Some(format!("expected {expected}; found {found}")),
+        ..InputError::about("--environment", message)
     })
 }
 
 /// The observations and actions of a task.
 fn interface(task: &TaskSpec) -> String {
-    let names: Vec<&str> = task
+    let names = task
         .observations
         .iter()
-        .map(|observation| observation.name.as_str())
-        .collect();
+        .map(|observation| &*observation.name);
     let actions: Vec<String> = task
         .actions
         .iter()
@@ -164,8 +162,8 @@ fn interface(task: &TaskSpec) -> String {
         })
         .collect();
     format!(
-        "observations `{}` and actions {}",
-        names.join("`, `"),
+        "observations {} and actions {}",
+        quoted_list(names),
         actions.join(", ")
     )
 }

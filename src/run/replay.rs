@@ -87,13 +87,7 @@ fn recording_settings(
             plan.name,
             agent_count - 1
         );
-        return Err(InputError {
-            origin: "--agents".to_owned(),
-            position: None,
-            field: String::new(),
-            message,
-            help: None,
-        });
+        return Err(InputError::about("--agents", message));
     }
     let mut settings = plan.scenario.recording.clone().without_advantages();
     let mut drawn_agents: Vec<u32> = match (drawn_agents, &settings.scene) {

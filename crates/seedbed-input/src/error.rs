@@ -55,6 +55,18 @@ pub fn error_at(
 }
 
 impl InputError {
+    /// An error about a whole file or option.
+    #[must_use]
+    pub fn about(origin: impl Into<String>, message: impl Into<String>) -> Self {
+        Self {
+            origin: origin.into(),
+            position: None,
+            field: String::new(),
+            message: message.into(),
+            help: None,
+        }
+    }
+
     /// The name that is no field, if this is what is wrong.
     #[must_use]
     pub fn unexpected_field(&self) -> Option<&str> {

@@ -281,6 +281,12 @@ impl Measure {
         matches!(self, Self::EnvStepsToSolve | Self::EnvStepsToFind)
     }
 
+    /// Whether this measure is a time since an agent first found the goal, not since the run began.
+    #[must_use]
+    pub fn is_since_first_find(self) -> bool {
+        matches!(self, Self::EpisodesToSpread)
+    }
+
     /// Requirement that a run must fulfill for this measure.
     #[must_use]
     pub fn needs(self) -> Needs {

@@ -115,7 +115,7 @@ impl Measure {
         let episodes = run.episodes_per_agent() as f64;
         let observed_until = match self {
             _ if self.is_time_in_env_steps() => run.env_steps as f64,
-            Self::EpisodesToSpread => 1.0 + episodes - first_find(run),
+            _ if self.is_since_first_find() => 1.0 + episodes - first_find(run),
             _ => episodes,
         };
         Some(if value.is_finite() {

@@ -238,13 +238,7 @@ impl From<CheckpointError> for DamagedFile {
 
 impl From<DamagedFile> for InputError {
     fn from(error: DamagedFile) -> Self {
-        Self {
-            origin: error.path.display().to_string(),
-            position: None,
-            field: String::new(),
-            message: error.reason,
-            help: None,
-        }
+        Self::about(error.path.display().to_string(), error.reason)
     }
 }
 

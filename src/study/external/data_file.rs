@@ -67,13 +67,7 @@ impl DataFile {
 
 /// An error about a whole file or folder.
 pub(super) fn file_error(path: &Path, message: impl Into<String>) -> InputError {
-    InputError {
-        origin: path.display().to_string(),
-        position: None,
-        field: String::new(),
-        message: message.into(),
-        help: None,
-    }
+    InputError::about(path.display().to_string(), message)
 }
 
 /// Path relative to the folder of the study, with `/` between names.

@@ -6,6 +6,21 @@ use std::process::Output;
 use crate::recording::contents::RecordingContents;
 use crate::util::{seedbed, small_run, stderr, stdout};
 
+/// Trains sixteen agents that keep the pole up for more than a hundred steps, with its files in the folder `run`.
+fn train(run: &str) {
+    let train = [
+        "run",
+        "scenarios/cartpole_16.ron",
+        "--quiet",
+        "--no-recording",
+        "--out",
+        run,
+        "--set",
+        "stop=Episodes(40)",
+    ];
+    assert!(seedbed(&train).status.success());
+}
+
 /// Mean return of the team as printed by `seedbed evaluate RUN --episodes 5`.
 fn evaluated_return(run: &str, extra_arguments: &[&str]) -> f64 {
     let output = seedbed(&[&["evaluate", run, "--episodes", "5"], extra_arguments].concat());
@@ -32,17 +47,7 @@ fn a_run_is_evaluated() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let run = path.to_str().unwrap();
-    let train = [
-        "run",
-        "scenarios/cartpole_16.ron",
-        "--quiet",
-        "--no-recording",
-        "--out",
-        run,
-        "--set",
-        "stop=Episodes(40)",
-    ];
-    assert!(seedbed(&train).status.success());
+    train(run);
     let (greedy, nearly_random) = (
         evaluated_return(run, &["--actions", "greedy"]),
         evaluated_return(run, &["--temperature", "100"]),
@@ -64,17 +69,7 @@ fn a_policy_acts_in_another_task_with_the_same_interface() {
     let (run, short) = (path.to_str().unwrap(), short.to_str().unwrap());
     fs::copy("envs/cartpole.ron", folder.path().join("cartpole.ron")).unwrap();
     fs::write(short, r#"Environment(extends: "cartpole", time_limit: 30)"#).unwrap();
-    let train = [
-        "run",
-        "scenarios/cartpole_16.ron",
-        "--quiet",
-        "--no-recording",
-        "--out",
-        run,
-        "--set",
-        "stop=Episodes(40)",
-    ];
-    assert!(seedbed(&train).status.success());
+    train(run);
     assert_eq!(
         evaluated_return(run, &["--actions", "greedy", "--environment", short]),
         30.0

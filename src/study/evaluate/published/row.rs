@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use crate::experiment::measure::{Curve, Measure, Moment};
 use crate::study::evaluate::results::CellResults;
+use crate::study::evaluate::rows::column;
 use crate::study::evaluate::score::RunCost;
 use crate::study::evaluate::score::RunScore;
 use crate::text::from_spreadsheet_cell;
@@ -92,12 +93,13 @@ impl Row<'_> {
             return self.required("env_steps");
         }
         let episodes: f64 = self.required("episodes")?;
-        if measure != Measure::EpisodesToSpread {
+        if !measure.is_since_first_find() {
             return Ok(episodes);
         }
         // It is counted from the first find. Without a column of finds, nothing is known but that it is no shorter than 1.
-        let found = if self.columns.contains_key(FIRST_FIND) {
-            self.value(FIRST_FIND)?
+        let column = column(Measure::EpisodesToFind);
+        let found = if self.columns.contains_key(column.as_str()) {
+            self.value(&column)?
         } else {
             None
         };
@@ -260,7 +262,7 @@ impl Row<'_> {
     /// Whether the run may lack a measure that other runs of its cell have: it ended before the episode
     /// at which it is measured, or no agent found what would have spread.
     pub(super) fn may_lack(&self, measure: Measure) -> Result<bool, String> {
-        if measure == Measure::EpisodesToSpread {
+        if measure.is_since_first_find() {
             let reach: Option<f64> = self.value("reach")?;
             return Ok(reach.is_none_or(|reach| reach == 0.0));
         }
@@ -285,9 +287,6 @@ impl Row<'_> {
         }
     }
 }
-
-/// The column of the measure `EpisodesToFind`.
-const FIRST_FIND: &str = "EpisodesToFind";
 
 /// The columns of all studies that are measures.
 fn same_in_all_studies() -> [(&'static str, Measure); 9] {
