@@ -22,8 +22,8 @@ class Gymnasium:
     """An environment of Gymnasium as a task, for `train`, `check` and studies.
 
     Args:
-        id: `"CartPole-v1"`, `"module:Name-v0"`, `"file.py:function"`, or a function that returns an environment: also one of
-            a notebook, which worker processes get pickled by value. A class of environments is such a function.
+        id: `"CartPole-v1"`, `"module:Name-v0"`, `"module:Class"`, `"file.py:function"`, or a class of environments or a function
+            that returns one: also one of a notebook, which worker processes get pickled by value.
         kwargs: Arguments of the environment or of the function: numbers, texts, lists and maps.
         names: Names of all observed numbers, in order; by default those of the observation space.
         units: Units of observed numbers, such as `{"x": "m"}`.

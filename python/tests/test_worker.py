@@ -610,6 +610,8 @@ def test_ids(tasks: Path):
         assert (found["time_limit"], found["reward_threshold"]) == (3, None)
         assert found["source"] == {"file": str(tasks), "sha256": hashlib.sha256(tasks.read_bytes()).hexdigest()}
     with Worker() as worker:
+        assert worker.configure("worker_tasks:plain", path=[folder])["source"]["file"] == str(tasks)
+    with Worker() as worker:
         assert worker.configure(f"{tasks}:plain")["source"]["file"] == str(tasks)
         assert worker.configure("CartPole-v1", b"E")["kind"] == "protocol"
     for id, kind, word, help in (
@@ -620,6 +622,8 @@ def test_ids(tasks: Path):
         (f"{tasks}:absent", "unknown_id", "no function `absent`", "plain"),
         ("/no/such/file.py:make", "unknown_id", "no file /no/such/file.py", None),
         ("no_such_package:X-v0", "missing_package", "no_such_package", "pip install no_such_package"),
+        ("no_such_package:Class", "missing_package", "no_such_package", "pip install no_such_package"),
+        ("gymnasium:NoSuchClass", "unknown_id", "NoSuchClass", "has its class"),
         (f"{tasks}:nothing", "make", "returned int 5, expected a gymnasium.Env", None),
     ):
         with Worker() as worker:

@@ -46,15 +46,20 @@ pub(super) fn show(name: &Path, only_kind: Option<ListKind>) -> Result<(), CliEr
     Ok(())
 }
 
-pub(super) fn list(only_kind: Option<ListKind>, as_markdown: bool) -> Result<(), CliError> {
-    if as_markdown {
-        return print_markdown(only_kind);
-    }
-    match only_kind {
-        None => print_overview(),
-        Some(ListKind::Environments) => print_environments(),
-        Some(ListKind::Scenarios) => print_scenarios(),
-        Some(ListKind::Algorithms) => print_algorithms(),
+/// Prints what there is of a kind whose name contains `part`.
+pub(super) fn list(only_kind: Option<ListKind>, part: &str) -> Result<(), CliError> {
+    let count = match only_kind {
+        None => {
+            print_overview();
+            return Ok(());
+        }
+        Some(ListKind::Environments) => print_environments(part),
+        Some(ListKind::Scenarios) => print_scenarios(part),
+        Some(ListKind::Algorithms) => print_algorithms(part),
+    };
+    if count == 0 {
+        let message = format!("no name contains `{part}`; without it, all are listed");
+        return Err(CliError::Usage(message));
     }
     Ok(())
 }
@@ -64,6 +69,7 @@ fn print_overview() {
     print_files(
         "Environments",
         Directory::Environments,
+        "",
         |path, name, width| match read_task(path) {
             Ok(None) => print_line(name, width, UNKNOWN_BEFORE_PYTHON),
             Ok(Some(description)) => {
@@ -73,7 +79,7 @@ fn print_overview() {
             Err(error) => say!("  {}\n      invalid: {error}", path.display()),
         },
     );
-    print_scenarios();
+    print_scenarios("");
     let algorithms = Algorithm::catalog();
     let tabular = TabularAlgorithm::catalog();
     say!("Algorithms (`algorithm:` in a scenario)");
@@ -117,7 +123,7 @@ fn first_sentence(text: &str) -> &str {
     end.map_or(text, |end| &text[..end]).trim_end_matches('.')
 }
 
-fn print_markdown(only_kind: Option<ListKind>) -> Result<(), CliError> {
+pub(super) fn print_markdown(only_kind: Option<ListKind>) -> Result<(), CliError> {
     if only_kind != Some(ListKind::Algorithms) {
         let message = "--markdown prints algorithms only: `seedbed list algorithms --markdown`";
         return Err(CliError::Usage(message.to_owned()));
@@ -126,16 +132,17 @@ fn print_markdown(only_kind: Option<ListKind>) -> Result<(), CliError> {
     Ok(())
 }
 
-fn print_environments() {
+fn print_environments(part: &str) -> usize {
     print_files(
         "Environments",
         Directory::Environments,
+        part,
         |path, name, _| match read_task(path) {
             Ok(None) => say!("  {name}\n      {UNKNOWN_BEFORE_PYTHON}"),
             Ok(Some(description)) => print_environment(name, description.spec()),
             Err(error) => say!("  {}\n      invalid: {error}", path.display()),
         },
-    );
+    )
 }
 
 /// `name`: what a scenario calls the environment
@@ -174,15 +181,16 @@ fn print_environment(name: &str, spec: &seedbed_env::TaskSpec) {
     );
 }
 
-fn print_scenarios() {
+fn print_scenarios(part: &str) -> usize {
     print_files(
         "Scenarios",
         Directory::Scenarios,
+        part,
         |path, name, width| match describe(path) {
             Ok(description) => say!("  {name:<width$} {description}"),
             Err(error) => say!("  {name}\n      invalid: {error}"),
         },
-    );
+    )
 }
 
 /// One-line description of a scenario or a study.
@@ -232,11 +240,23 @@ struct Group {
     files: Vec<(String, PathBuf)>,
 }
 
-/// Prints all files of a directory: those in the working directory and its parent directories, which
-/// are also looked up by name, and the built-in ones. The second argument of `print_file` is what
-/// the file is called in a command, the third the length of the longest such text of a group.
-fn print_files(title: &str, directory: Directory, print_file: impl Fn(&Path, &str, usize)) {
-    for group in groups(directory) {
+/// Prints the files of a directory whose name contains `part`, and returns their number: those in the
+/// working directory and its parent directories, which are also looked up by name, and the built-in ones.
+/// The second argument of `print_file` is what the file is called in a command, the third the length of
+/// the longest such text of a group.
+fn print_files(
+    title: &str,
+    directory: Directory,
+    part: &str,
+    print_file: impl Fn(&Path, &str, usize),
+) -> usize {
+    let mut count = 0;
+    for mut group in groups(directory) {
+        group.files.retain(|(name, _)| name.contains(part));
+        if group.files.is_empty() {
+            continue;
+        }
+        count += group.files.len();
         say!("{title} ({})", group.place);
         let lengths = group.files.iter().map(|(name, _)| name.chars().count());
         let max_length = lengths.max().unwrap_or(0);
@@ -245,6 +265,7 @@ fn print_files(title: &str, directory: Directory, print_file: impl Fn(&Path, &st
         }
         say!("");
     }
+    count
 }
 
 /// The files of each directory upwards, and the built-in files that none of them replaces.
@@ -296,23 +317,49 @@ fn name_in(folder: &Path, path: &Path) -> Option<String> {
     Some(parts.join("/"))
 }
 
-fn print_algorithms() {
-    say!("Algorithms (`algorithm:` in a scenario)");
-    for info in Algorithm::catalog() {
-        say!("  {}\n      {}", info.name, info.purpose);
-        for parameter in &info.parameters {
-            print_parameter(parameter);
+/// Prints algorithms and other fields of a scenario whose name contains `part`; returns their number.
+fn print_algorithms(part: &str) -> usize {
+    let algorithms = Algorithm::catalog();
+    let algorithms = print_section(
+        "Algorithms (`algorithm:` in a scenario)",
+        algorithms.iter().filter(|info| info.name.contains(part)),
+        |info| {
+            say!("  {}\n      {}", info.name, info.purpose);
+            info.parameters.iter().for_each(print_parameter);
+        },
+    );
+    let tabular = TabularAlgorithm::catalog();
+    let tabular = print_section(
+        "Tabular algorithms (`algorithm:` in a tabular scenario)",
+        tabular.iter().filter(|choice| choice.form.contains(part)),
+        |choice| {
+            say!("  {}", choice.form);
+            print_wrapped(&choice.meaning, "      ");
+        },
+    );
+    let fields = Scenario::catalog();
+    let fields = print_section(
+        "Other fields of a scenario",
+        fields.iter().filter(|field| field.name.contains(part)),
+        print_parameter,
+    );
+    algorithms + tabular + fields
+}
+
+/// Prints entries below a title, and an empty line; nothing if there are none. Returns their number.
+fn print_section<T>(title: &str, entries: impl Iterator<Item = T>, print: impl Fn(T)) -> usize {
+    let mut count = 0;
+    for entry in entries {
+        if count == 0 {
+            say!("{title}");
         }
+        print(entry);
+        count += 1;
     }
-    say!("\nTabular algorithms (`algorithm:` in a tabular scenario)");
-    for choice in TabularAlgorithm::catalog() {
-        say!("  {}", choice.form);
-        print_wrapped(&choice.meaning, "      ");
+    if count > 0 {
+        say!("");
     }
-    say!("\nOther fields of a scenario");
-    for parameter in &Scenario::catalog() {
-        print_parameter(parameter);
-    }
+    count
 }
 
 fn print_parameter(parameter: &Parameter) {

@@ -121,13 +121,17 @@ enum Command {
     /// List environments, scenarios and algorithms with their parameters
     #[command(after_help = "Examples:
   seedbed list
-  seedbed list algorithms
+  seedbed list algorithms SeedPg
+  seedbed list environments hooks               those whose name contains this text
   seedbed list --show cartpole                  print the file of an environment
   seedbed list scenarios --show cartpole > scenarios/mine.ron")]
     List {
         /// List only this kind [default: all]
         #[arg(value_enum, value_name = "KIND")]
         kind: Option<ListKind>,
+        /// List only those whose name contains this text [default: all]
+        #[arg(value_name = "TEXT", default_value = "", hide_default_value = true, conflicts_with_all = ["show", "markdown"])]
+        part_of_name: String,
         /// Print the file of this environment or scenario
         #[arg(long, value_name = "NAME")]
         show: Option<PathBuf>,
@@ -383,7 +387,8 @@ struct FloorArgs {
   seedbed bench scenarios/cartpole.ron --seeds 5 --set 'agents.seeds=Normal(sigma: 0)'
 
 Prints the Kaplan–Meier median of episodes until solved with its 95 % interval (tabular scenarios: \
-the mean regret), and compares each scenario with the first, paired by run seed.")]
+the mean regret), and compares each scenario with the first, without correction for their number. \
+Use a study for claims.")]
 struct BenchArgs {
     /// Scenario files or names of scenarios; the others are compared with the first
     #[arg(required = true, value_name = "SCENARIO")]
@@ -541,7 +546,14 @@ pub(crate) fn main() -> ExitCode {
             show: Some(name),
             ..
         } => list::show(&name, kind),
-        Command::List { kind, markdown, .. } => list::list(kind, markdown),
+        Command::List {
+            markdown: true,
+            kind,
+            ..
+        } => list::print_markdown(kind),
+        Command::List {
+            kind, part_of_name, ..
+        } => list::list(kind, &part_of_name),
         Command::Init { folder } => new::init(&folder),
         Command::New(args) => new::new(&args),
         Command::Completions { shell } => {

@@ -559,10 +559,10 @@ mod tests {
         assert_eq!(value(Curve::PolicyLoss), None);
     }
 
-    /// With `UPDATE_EXPECT=1` this test writes the table to `docs/recording.md`.
+    /// With `UPDATE_EXPECT=1` this test writes the table to `docs/metrics.md`.
     #[test]
-    fn docs_recording_has_the_table_of_metrics() {
-        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/recording.md");
+    fn the_page_of_metrics_has_their_table() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/metrics.md");
         let page = std::fs::read_to_string(&path).unwrap();
         let (text_before, text_from_table) = page.split_once("<!-- metrics:begin -->\n").unwrap();
         let (table, text_after) = text_from_table.split_once("<!-- metrics:end -->").unwrap();

@@ -142,3 +142,28 @@ fn tasks_among_scenarios_are_no_scenarios() {
         assert!(!printed.contains("task.ron"), "{printed}");
     }
 }
+
+/// A text after the kind selects by name: files on the disk and built-in ones, algorithms, fields.
+#[test]
+fn a_part_of_a_name_selects() {
+    for (arguments, expected) in [
+        (
+            ["environments", "hooks"],
+            vec!["hooks_1", "hooks_3", "hooks_4", "hooks_easy"],
+        ),
+        (["algorithms", "Leader"], vec!["LeaderFollowers"]),
+        (["algorithms", "Ucrl"], vec!["Ucrl(delta:"]),
+    ] {
+        let printed = stdout(&seedbed(&["list", arguments[0], arguments[1]]));
+        let names = printed.lines().filter_map(|line| line.strip_prefix("  "));
+        let names = names.filter(|line| !line.starts_with(' '));
+        let names: Vec<&str> = names.map(|line| line.split(' ').next().unwrap()).collect();
+        assert_eq!(names, expected, "{printed}");
+    }
+    let unknown = seedbed(&["list", "scenarios", "no_such"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert_eq!(
+        stderr(&unknown),
+        "error: no name contains `no_such`; without it, all are listed\n"
+    );
+}

@@ -18,8 +18,8 @@ use seedbed_input::numbers::{
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(rename = "Gymnasium", deny_unknown_fields)]
 pub struct GymnasiumFile {
-    /// What `gymnasium.make` makes, such as `CartPole-v1` or `module:Name-v0`; or `file.py:function`, a
-    /// function that returns an environment.
+    /// What `gymnasium.make` makes, such as `CartPole-v1` or `module:Name-v0`; or `file.py:function` or
+    /// `module:Class`, a function that returns an environment or a class of environments.
     pub id: Located<String>,
     /// One sentence for people.
     #[serde(default)]

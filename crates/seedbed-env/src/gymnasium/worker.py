@@ -234,7 +234,7 @@ def unknown_id(error: BaseException) -> Failure | None:
         starts = ("No registered env", "Malformed environment ID")
         if not (is_error_of_gymnasium(error, "Error") and str(error).startswith(starts)):
             return None
-    help = "name the module that registers it, such as minigrid:MiniGrid-Empty-5x5-v0 or ale_py:ALE/Pong-v5"
+    help = "name the module that registers it, such as minigrid:MiniGrid-Empty-5x5-v0, or that has its class, such as depot:Warehouse"
     return Failure("unknown_id", message_of(error), help)
 
 
@@ -463,17 +463,18 @@ def continuous(space: spaces.Box) -> Actions:
 
 
 def maker_of(config: dict[str, Any]) -> tuple[Callable[[], Environment], Path | None]:
-    """What makes a copy of the environment, and the file with the function that does."""
+    """What makes a copy of the environment, and the file with the function that does if `id` names one."""
     sys.path[:0] = config.get("path") or []
     kwargs, limit = dict(config.get("kwargs") or {}), config.get("time_limit")
     file, _, name = config["id"].rpartition(":")
-    function = function_of(Path(file), name) if file.endswith(".py") else None
+    path = Path(file) if file.endswith(".py") else None
+    function = function_of_module(file, name) if path is None else function_of(path, name)
     if config.get("render"):
         draw_without_screen()
         if function is None or takes_render_mode(function):
             kwargs.setdefault("render_mode", "rgb_array")
     if function is not None:
-        return partial(call, function, kwargs, limit), Path(file)
+        return partial(call, function, kwargs, limit), path
     if limit is not None:
         kwargs["max_episode_steps"] = limit
     # The worker checks what environments return; one wrapper less is faster.
@@ -498,6 +499,16 @@ def function_of(path: Path, name: str) -> Callable[..., Any]:
         help = f"choose one of its functions: {', '.join(own)}" if own else None
         raise Failure("unknown_id", f"{path} has no function `{name}`", help)
     return functions[name]
+
+
+def function_of_module(module: str, name: str) -> Callable[..., Any] | None:
+    """A function or class of a module, unless the module registers an environment of this name."""
+    if not module or not name.isidentifier():
+        return None
+    with contextlib.suppress(ImportError):  # `gymnasium.make` tells it
+        function = getattr(importlib.import_module(module), name, None)
+        return function if callable(function) and name not in gymnasium.registry else None
+    return None
 
 
 def draw_without_screen() -> None:
