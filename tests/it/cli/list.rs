@@ -152,7 +152,7 @@ fn a_part_of_a_name_selects() {
             vec!["hooks_1", "hooks_3", "hooks_4", "hooks_easy"],
         ),
         (["algorithms", "Leader"], vec!["LeaderFollowers"]),
-        (["algorithms", "Ucrl"], vec!["Ucrl(delta:"]),
+        (["algorithms", "Ucrl"], vec!["Ucrl(width:"]),
     ] {
         let printed = stdout(&seedbed(&["list", arguments[0], arguments[1]]));
         let names = printed.lines().filter_map(|line| line.strip_prefix("  "));

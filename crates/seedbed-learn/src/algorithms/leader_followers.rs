@@ -7,7 +7,13 @@
 //! loss is L(own) + λ L(followers), where the surrogate of PPO is clipped around the ratio that the
 //! leader had before the update ([`ppo_around`](crate::rl::policy_loss::ppo_around)).
 //!
-//! Differences from the paper: each agent has networks of its own, where the policies of SAPG share a
+//! Followers may be coupled to the leader: their losses get β times the mean of −log π(a|s) over the steps of
+//! the leader's newest episodes, whose gradient is that of the divergence KL(leader ‖ follower) on the states
+//! that the leader visits. Coupled policy optimization (Shitanda, Omura, Harada & Osa, ICLR 2026) keeps
+//! followers near the leader by a divergence, too, and adds a reward by which agents are told from each
+//! other: the bonus `Discriminator`.
+//!
+//! Differences from SAPG: each agent has networks of its own, where the policies of SAPG share a
 //! network and differ in some of its inputs. Values are learned towards V-trace targets, where SAPG has
 //! three-step returns on own and one-step returns on other episodes. λ weights each sample of the
 //! followers' episodes, which are drawn whole, where SAPG draws as many steps as the leader's own.
@@ -18,12 +24,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::seed_pg::SeedPgAgent;
 use super::seed_pg::common_settings::{configuration, copy_settings, with_common_settings};
 use super::seed_pg::config::{
     AdvantageEstimate, Clipping, Data, Minibatch, PolicyLoss, ReturnNormalization, SeedPg, Sharing,
     Standardization, TimeLimit, VTrace, ValueTarget,
 };
+use super::seed_pg::{Imitation, SeedPgAgent};
 use super::{AlgorithmConfig, RandomActions};
 use crate::agent::action_selection::ActionSelection;
 use crate::agent::bonus::Bonus;
@@ -47,6 +53,9 @@ with_common_settings!(configuration! {
         /// Weight σ of the policy's entropy (nats) in the loss of the last follower. Agent k of K has the
         /// weight σ k / (K − 1): 0 for the leader.
         pub entropy_bonus: NonNegative,
+        /// Weight β of −log π of the leader's newest actions in the losses of the followers, which keeps them
+        /// near the leader (coupled policy optimization, Shitanda et al. 2026); needs `minibatch: Steps(…)`.
+        pub coupling: Located<NonNegative>,
         /// Clipping range ε of the importance ratio.
         pub clip: NonNegative,
         /// Trace parameter λ of advantages (Retrace) and value targets (V-trace).
@@ -63,6 +72,7 @@ impl Default for LeaderFollowers {
                 trajectories: ranged_count(1),
             },
             entropy_bonus: ranged_number(0.005),
+            coupling: ranged_number::<NonNegative>(0.0).into(),
             clip: ranged_number(0.2),
             lambda: ranged_number(0.95),
             discount: defaults.discount,
@@ -91,8 +101,14 @@ impl AlgorithmConfig for LeaderFollowers {
         let agents = context.config.count.get();
         IndependentLearners::build(context, |agent| {
             let learner = SeedPgAgent::new(&self.learner(agent.agent, agents), agent);
+            let imitation = Imitation {
+                agent: LEADER,
+                weight: self.coupling.get_f32(),
+            };
             if agent.agent == LEADER {
                 learner.with_weight_of_others(self.follower_weight.get_f32())
+            } else if imitation.weight > 0.0 {
+                learner.with_imitation(imitation)
             } else {
                 learner
             }
@@ -103,6 +119,12 @@ impl AlgorithmConfig for LeaderFollowers {
         if *self.actions == ActionSelection::Greedy {
             return Err(self.actions.error(
                 "greedy actions have no importance ratios; expected `Sampled` or `Tempered`",
+            ));
+        }
+        if self.coupling.get() > 0.0 && self.minibatch == Minibatch::Trajectory {
+            return Err(self.coupling.error(
+                "coupled followers learn from own and the leader's steps together; expected \
+                 `minibatch: Steps(…)`",
             ));
         }
         self.learner(LEADER, 1).check()
@@ -135,7 +157,8 @@ impl AlgorithmConfig for LeaderFollowers {
         self.learner(LEADER, 1).memory(task, agents, steps)
     }
 
-    /// The leader learns from up to as many episodes as there are agents, each follower from one.
+    /// The leader learns from up to as many episodes as there are agents, each follower from one or, if it is
+    /// coupled, two.
     fn cost_per_step(&self, agents: u32) -> f64 {
         let of_followers = f64::from(agents.saturating_sub(1));
         let shared = match self.sharing {
@@ -143,7 +166,12 @@ impl AlgorithmConfig for LeaderFollowers {
             Sharing::Sampled { trajectories } => of_followers.min(trajectories.get().into()),
         };
         let own = self.learner(LEADER + 1, 2).cost_per_step(agents);
-        own + f64::from(self.epochs.get()) * shared / f64::from(agents)
+        let imitated = if self.coupling.get() > 0.0 {
+            of_followers
+        } else {
+            0.0
+        };
+        own + f64::from(self.epochs.get()) * (shared + imitated) / f64::from(agents)
     }
 }
 
@@ -307,6 +335,36 @@ mod tests {
                 ]
             );
         }
+    }
+
+    /// Coupled followers learn from the leader's episode, too: from its actions, not from its rewards.
+    #[test]
+    fn coupled_followers_imitate_the_leader() {
+        let config = |coupling| LeaderFollowers {
+            coupling: ranged_number::<NonNegative>(coupling).into(),
+            follower_weight: ranged_number(0.0),
+            standardize: Standardization::Off,
+            returns: ReturnNormalization::Raw,
+            minibatch: Minibatch::Steps(ranged_count(4)),
+            ..LeaderFollowers::default()
+        };
+        let phases = [0.1, 0.2, 0.3];
+        let [with, without] = [1.0, 0.0].map(|coupling| learn(&config(coupling), phases));
+        let differs = [0, 1, 2].map(|agent: usize| with[agent].1 != without[agent].1);
+        assert_eq!(differs, [false, true, true]);
+        assert_eq!(
+            [0, 1, 2].map(|changed| agents_that_notice(&config(1.0), changed)),
+            [
+                [true, false, false],
+                [false, true, false],
+                [false, false, true]
+            ]
+        );
+        let trajectories = LeaderFollowers {
+            minibatch: Minibatch::Trajectory,
+            ..config(1.0)
+        };
+        assert!(config(1.0).check().is_ok() && trajectories.check().is_err());
     }
 
     /// A sample of one has the episode of one of the two followers.

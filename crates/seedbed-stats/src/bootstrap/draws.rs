@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::RESAMPLES;
+use super::sorted_sums::{Counts, LANES};
 
 /// Maximum number of draws that are kept in memory, of 2 bytes each. Larger resamples are drawn again
 /// for each statistic.
@@ -24,6 +25,8 @@ enum Kind {
     Draws,
     /// How often each run was drawn.
     Counts,
+    /// How often each run was drawn in each of [`LANES`] resamples.
+    CountsOfLanes,
 }
 
 /// All resamples of strata of these sizes.
@@ -31,8 +34,10 @@ struct Kept {
     kind: Kind,
     /// Number of runs of each stratum.
     sizes: Vec<usize>,
-    /// Runs or counts of each resample: `[RESAMPLES × sum of sizes]`.
+    /// Runs or counts of all resamples: `[RESAMPLES × sum of sizes]`; empty for counts of lanes.
     numbers: Vec<u16>,
+    /// Counts of lanes: `[RESAMPLES / LANES × sum of sizes]`; otherwise empty.
+    counts_of_lanes: Vec<Counts>,
 }
 
 /// Calls `visit` for each of the [`RESAMPLES`] resamples of strata of these sizes, always in the
@@ -65,6 +70,38 @@ pub(crate) fn for_each_counts(sizes: &[usize], mut visit: impl FnMut(&[u16])) {
             count(drawn, &mut counts);
             visit(&counts);
         });
+    }
+}
+
+/// Calls `visit` for the resamples of [`for_each_resample`] of one stratum of `n` runs, [`LANES`] at a time, with
+/// the number of times that each run was drawn in each of them.   → `[n]`
+pub(super) fn for_each_counts_of_lanes(n: usize, mut visit: impl FnMut(&[Counts])) {
+    let mut counts = vec![[0; LANES]; n];
+    if let Some(kept) = kept(Kind::CountsOfLanes, &[n]) {
+        for kept in kept.counts_of_lanes.chunks_exact(n) {
+            // A copy, because memory is fetched in advance only if it is read in order.
+            counts.copy_from_slice(kept);
+            visit(&counts);
+        }
+    } else {
+        let mut lane = 0;
+        visit_new(&[n], |drawn| {
+            count_in_lane(drawn, lane, &mut counts);
+            lane = (lane + 1) % LANES;
+            if lane == 0 {
+                visit(&counts);
+                counts.fill([0; LANES]);
+            }
+        });
+    }
+}
+
+/// Counts how often each run was drawn, in one of the lanes. No run is drawn 256 times: a sample has fewer runs, or this
+/// has a probability of less than 10⁻⁵⁰⁰.   `counts: [n]`, 0 in this lane
+fn count_in_lane(drawn: &[u32], lane: usize, counts: &mut [Counts]) {
+    const { assert!(RESAMPLES.is_multiple_of(LANES)) };
+    for &run in drawn {
+        counts[run as usize][lane] += 1;
     }
 }
 
@@ -102,7 +139,7 @@ fn find_or_draw(
         None => Arc::new(Kept::of(kind, sizes)),
     };
     all.push_back(Arc::clone(&kept));
-    while all.iter().map(|kept| kept.numbers.len()).sum::<usize>() > max_draws {
+    while all.iter().map(|kept| kept.draws()).sum::<usize>() > max_draws {
         all.pop_front();
     }
     kept
@@ -117,28 +154,40 @@ fn visit_new(sizes: &[usize], mut visit: impl FnMut(&[u32])) {
 }
 
 impl Kept {
+    /// Number of draws that are kept.
+    fn draws(&self) -> usize {
+        RESAMPLES * self.sizes.iter().sum::<usize>()
+    }
+
     fn of(kind: Kind, sizes: &[usize]) -> Self {
         let n = sizes.iter().sum::<usize>();
-        let mut numbers = vec![0; RESAMPLES * n];
-        let mut resamples = numbers.chunks_exact_mut(n);
+        let (mut numbers, mut counts_of_lanes, mut resample) = (Vec::new(), Vec::new(), 0);
+        match kind {
+            Kind::CountsOfLanes => counts_of_lanes.resize(RESAMPLES / LANES * n, [0; LANES]),
+            Kind::Counts | Kind::Draws => numbers.resize(RESAMPLES * n, 0),
+        }
         visit_new(sizes, |drawn| {
-            let Some(numbers) = resamples.next() else {
-                return;
-            };
+            let of_resample = resample * n..(resample + 1) * n;
             match kind {
-                Kind::Counts => count(drawn, numbers),
+                Kind::Counts => count(drawn, &mut numbers[of_resample]),
                 // Resamples that are kept are of few runs.
                 Kind::Draws => {
-                    for (number, &run) in numbers.iter_mut().zip(drawn) {
+                    for (number, &run) in numbers[of_resample].iter_mut().zip(drawn) {
                         *number = run as u16;
                     }
                 }
+                Kind::CountsOfLanes => {
+                    let of_lanes = &mut counts_of_lanes[resample / LANES * n..][..n];
+                    count_in_lane(drawn, resample % LANES, of_lanes);
+                }
             }
+            resample += 1;
         });
         Self {
             kind,
             sizes: sizes.to_vec(),
             numbers,
+            counts_of_lanes,
         }
     }
 }

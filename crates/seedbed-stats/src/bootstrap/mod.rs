@@ -18,13 +18,13 @@
 //! ```
 
 mod draws;
-
-use std::ops::Range;
+mod sorted_sums;
 
 use super::aggregate::{interquartile_mean_of_sorted, mean, sorted};
 use super::{Estimate, Interval, MIN_RUNS};
 pub(crate) use draws::for_each_counts;
-use draws::for_each_resample;
+use draws::{for_each_counts_of_lanes, for_each_resample};
+use sorted_sums::SortedSums;
 
 /// Number of resamples, as in `rliable`.
 ///
@@ -141,9 +141,14 @@ pub fn bootstrap_mean_and_interquartile_mean(sample: &[f64]) -> [Estimate; 2] {
         estimates_of_equal_scores(n, &values)
     } else {
         let order = sorted_runs(&[vec![sample.to_vec()]]);
+        let sums = SortedSums {
+            sorted: &sorted,
+            order: &order,
+            middle: &middle,
+        };
         estimates(n, &values, |add| {
-            for_each_batch(&sorted, &order, |batch| {
-                let (all, inner) = (sums(batch, 0..n), sums(batch, middle.clone()));
+            for_each_counts_of_lanes(n, |counts| {
+                let [all, inner] = sums.of(counts);
                 for (all, inner) in all.into_iter().zip(inner) {
                     add(&[all / n as f64, inner / middle.len() as f64]);
                 }
@@ -151,39 +156,6 @@ pub fn bootstrap_mean_and_interquartile_mean(sample: &[f64]) -> [Estimate; 2] {
         })
     };
     [estimates[0], estimates[1]]
-}
-
-/// Number of resamples that are summed together. A sum of one sample takes as long, because each addition waits for the
-/// one before it.
-const BATCH: usize = 8;
-
-/// Sorted resamples of one sample: `[BATCH][n]`.
-type Batch = [Vec<f64>; BATCH];
-
-/// Calls `visit` for all resamples, [`BATCH`] at a time.   `sorted: [n]`, `order: [n]`
-fn for_each_batch(sorted: &[f64], order: &[u32], mut visit: impl FnMut(&Batch)) {
-    const { assert!(RESAMPLES.is_multiple_of(BATCH)) };
-    let mut batch: Batch = std::array::from_fn(|_| sorted.to_vec());
-    let mut filled = 0;
-    for_each_counts(&[sorted.len()], |counts| {
-        repeat_scores(sorted, order, counts, &mut batch[filled]);
-        filled = (filled + 1) % BATCH;
-        if filled == 0 {
-            visit(&batch);
-        }
-    });
-}
-
-/// The sum of a part of each sample, with the bits of [`Iterator::sum`].
-fn sums(batch: &Batch, part: Range<usize>) -> [f64; BATCH] {
-    let parts = batch.each_ref().map(|sample| &sample[part.clone()]);
-    let mut sums = [-0.0; BATCH];
-    for index in 0..part.len() {
-        for (sum, sample) in sums.iter_mut().zip(&parts) {
-            *sum += sample[index];
-        }
-    }
-    sums
 }
 
 /// Whether all sorted scores have the same bits.
@@ -487,6 +459,20 @@ mod tests {
                 bootstrap_estimate(&sample, interquartile_mean),
             ];
             assert_eq!(bits(&counted), bits(&sorted), "{sample:?}");
+        }
+    }
+
+    /// So do sums of several resamples at once; 301 scores have resamples that all leave out a score, or all have it in the middle.
+    #[test]
+    fn means_of_several_resamples_at_once_equal_means_of_sorted_resamples() {
+        let many = (0..301).map(|run| (f64::from(run) * 0.7).sin());
+        for sample in samples().into_iter().chain([many.collect()]) {
+            let at_once = bootstrap_mean_and_interquartile_mean(&sample);
+            let sorted = [
+                bootstrap_estimate(&sample, |scores| mean(&sorted(scores))),
+                bootstrap_estimate(&sample, interquartile_mean),
+            ];
+            assert_eq!(bits(&at_once), bits(&sorted), "{sample:?}");
         }
     }
 

@@ -85,12 +85,28 @@ impl SeedPgAgent {
         samples.centers.resize(count, 1.0);
     }
 
+    /// Says which samples are imitated, if any agent is. Their advantages do not count.
+    fn mark_imitated_samples(&mut self, agent: u32) {
+        let Some(imitation) = self.imitation else {
+            return;
+        };
+        let samples = &mut self.work.samples;
+        let weight = if imitation.agent == agent {
+            imitation.weight
+        } else {
+            0.0
+        };
+        let count = samples.len();
+        samples.imitation.clear();
+        samples.imitation.resize(count, weight);
+    }
+
     /// Whether the value function and whether the policy learn from an episode.
     fn networks_that_learn_from(&self, episode: &Episode) -> [bool; 2] {
         let learns = |data| data == Data::Shared || episode.agent == self.agent;
         [
             learns(self.config.value_data),
-            learns(self.config.policy_data),
+            learns(self.config.policy_data) || self.imitates(episode.agent),
         ]
     }
 
@@ -218,6 +234,7 @@ impl SeedPgAgent {
     pub(super) fn load_trajectory(&mut self, episode: &Episode, index: usize) {
         self.estimate(episode, index);
         self.weight_samples(episode.agent == self.agent, index);
+        self.mark_imitated_samples(episode.agent);
         if self.config.standardize == Standardization::PerTrajectory {
             advantage::standardize(&mut self.work.samples.advantages);
         }
@@ -333,7 +350,7 @@ impl SeedPgAgent {
     pub(super) fn improve_policy(&mut self, descent: &Descent, totals: &mut Totals) {
         let work = &mut self.work;
         if self.config.standardize == Standardization::PerMinibatch {
-            advantage::standardize(&mut work.samples.advantages);
+            standardize_own(&mut work.samples);
         }
         let samples = &work.samples;
         let width = samples.component_count();
@@ -346,6 +363,13 @@ impl SeedPgAgent {
             .zip(work.ratios.iter().zip(&samples.advantages))
             .enumerate()
         {
+            let imitation = samples.imitation.get(row).copied().unwrap_or(0.0);
+            if imitation > 0.0 {
+                let surrogate = policy_loss::simple(log_probs.iter().sum(), imitation);
+                work.slopes
+                    .extend(std::iter::repeat_n(surrogate.slope, width));
+                continue;
+            }
             let weight = samples.loss_weights.get(row).copied().unwrap_or(1.0);
             for_each_surrogate(
                 *self.config.policy_loss,
@@ -393,6 +417,26 @@ impl SeedPgAgent {
         }
         totals.count_gradient_step();
         self.value.descend(&samples.states, value_gradient, descent);
+    }
+}
+
+/// Standardizes the advantages of samples that are not imitated.
+fn standardize_own(samples: &mut Samples) {
+    if samples.imitation.is_empty() {
+        advantage::standardize(&mut samples.advantages);
+        return;
+    }
+    let is_own = |weight: &f32| *weight == 0.0;
+    let rows = samples.advantages.iter_mut().zip(&samples.imitation);
+    let mut own: Vec<f32> = rows
+        .filter(|(_, weight)| is_own(weight))
+        .map(|(advantage, _)| *advantage)
+        .collect();
+    advantage::standardize(&mut own);
+    let rows = samples.advantages.iter_mut().zip(&samples.imitation);
+    let rows = rows.filter(|(_, weight)| is_own(weight));
+    for ((advantage, _), own) in rows.zip(own) {
+        *advantage = own;
     }
 }
 

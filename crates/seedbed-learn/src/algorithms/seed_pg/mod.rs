@@ -51,9 +51,20 @@ pub struct SeedPgAgent {
     /// Weight of the steps of others in the losses, whose ratios are then clipped around those before
     /// the update; `None`: all steps are treated alike.
     weight_of_others: Option<f32>,
+    /// Whose actions the policy imitates.
+    imitation: Option<Imitation>,
     /// Whether updates return [advantages](StepData::advantages).
     record_advantages: bool,
     work: Workspace,
+}
+
+/// An agent whose actions others imitate.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Imitation {
+    /// The agent.
+    pub(super) agent: u32,
+    /// Weight of −log π of each of its steps, beside the losses of own steps.
+    pub(super) weight: f32,
 }
 
 /// Buffers that are reused from one trajectory to the next.
@@ -129,6 +140,7 @@ impl SeedPgAgent {
             },
             bonus_model: BonusModel::new(&config.bonus, context),
             weight_of_others: None,
+            imitation: None,
             record_advantages: context.record_advantages,
             config: config.clone(),
             work: Workspace::default(),
@@ -142,8 +154,20 @@ impl SeedPgAgent {
         self
     }
 
-    /// Chooses the new episodes that this agent learns from: its own, and those that others share
-    /// with it.
+    /// The agent whose policy also imitates the actions of another agent. Needs minibatches of steps.
+    pub(super) fn with_imitation(mut self, imitation: Imitation) -> Self {
+        self.imitation = Some(imitation);
+        self
+    }
+
+    /// Whether the policy imitates the actions of this agent.
+    fn imitates(&self, agent: u32) -> bool {
+        self.imitation
+            .is_some_and(|imitation| imitation.agent == agent)
+    }
+
+    /// Chooses the new episodes that this agent learns from: its own, those that others share with it, and
+    /// those that it imitates.
     fn choose_episodes(
         &self,
         new_episodes: impl Iterator<Item = EpisodeInfo>,
@@ -152,7 +176,8 @@ impl SeedPgAgent {
         let config = &self.config;
         let (mut chosen, mut others) = (Vec::new(), Vec::new());
         for (index, episode) in new_episodes.enumerate() {
-            if episode.length > 0 && episode.agent == self.agent {
+            let is_needed = episode.agent == self.agent || self.imitates(episode.agent);
+            if episode.length > 0 && is_needed {
                 chosen.push(index);
             } else if episode.length > 0 {
                 others.push(index);

@@ -20,6 +20,9 @@ pub(super) struct Samples {
     /// Importance ratios before the update, around which ratios are clipped; empty if all are 1:
     /// `[N]`.
     pub(super) centers: Vec<f32>,
+    /// Weights of −log π of actions that are imitated, in place of the policy's loss; 0 of others; empty if
+    /// none are: `[N]`.
+    pub(super) imitation: Vec<f32>,
 }
 
 impl Samples {
@@ -52,7 +55,7 @@ impl Samples {
         }
     }
 
-    fn columns(&self) -> [&[f32]; 8] {
+    fn columns(&self) -> [&[f32]; 9] {
         [
             &self.states,
             &self.actions,
@@ -62,10 +65,11 @@ impl Samples {
             &self.advantages,
             &self.loss_weights,
             &self.centers,
+            &self.imitation,
         ]
     }
 
-    fn columns_mut(&mut self) -> [&mut Vec<f32>; 8] {
+    fn columns_mut(&mut self) -> [&mut Vec<f32>; 9] {
         [
             &mut self.states,
             &mut self.actions,
@@ -75,6 +79,7 @@ impl Samples {
             &mut self.advantages,
             &mut self.loss_weights,
             &mut self.centers,
+            &mut self.imitation,
         ]
     }
 }
@@ -118,6 +123,7 @@ mod tests {
             advantages: column(50.0),
             loss_weights: column(60.0),
             centers: Vec::new(),
+            imitation: column(70.0),
         }
     }
 
@@ -134,6 +140,7 @@ mod tests {
             (vec![14.0, 11.0], vec![54.0, 51.0])
         );
         assert_eq!(gathered.loss_weights, [64.0, 61.0]);
+        assert_eq!(gathered.imitation, [74.0, 71.0]);
         assert!(gathered.centers.is_empty());
     }
 }

@@ -194,6 +194,40 @@ fn rewarded_actions_become_more_likely() {
     }
 }
 
+/// Actions of another agent become more likely if they are imitated, whatever they earn; own ones that earn
+/// nothing do not matter.
+#[test]
+fn imitated_actions_become_more_likely() {
+    let mut config = own_data();
+    config.policy_optimizer.step_size = ranged_number(0.01);
+    config.minibatch = Minibatch::Steps(ranged_count(4));
+    let imitation = Imitation {
+        agent: 1,
+        weight: 2.0,
+    };
+    let mut learner = agent(&config, 0, 0.0).with_imitation(imitation);
+    let mut imitated = episode_with_rewards(1, 1.7);
+    imitated.actions.fill(1.0);
+    let mut own = episode(0);
+    own.rewards.fill(0.0);
+    let log_probs = |learner: &mut SeedPgAgent| {
+        learner.estimate(&imitated, 0);
+        learner.work.log_probs.clone()
+    };
+    let before = log_probs(&mut learner);
+    for round in 0..5 {
+        update_on(&mut learner, &[own.clone(), imitated.clone()], round);
+    }
+    let after = log_probs(&mut learner);
+    assert!(
+        before
+            .iter()
+            .zip(&after)
+            .all(|(before, after)| after > before),
+        "{before:?} {after:?}"
+    );
+}
+
 #[test]
 fn a_restored_agent_continues_with_the_same_bits() {
     let (mut original, mut restored) = (
