@@ -81,7 +81,7 @@ pub enum OpenLoopError {
     Environment(EnvironmentFailure),
 }
 
-/// Plays episodes with one kind of noise, for each run seed: `[runs]`.
+/// Plays episodes with one kind of noise, for each run seed; calls `on_run` when those of one have ended.   → `[runs]`
 ///
 /// # Errors
 /// The task cannot be built or played.
@@ -89,6 +89,7 @@ pub fn play(
     description: &TaskDescription,
     noise: Option<ActionNoise>,
     plan: &OpenLoopPlan,
+    on_run: impl Fn() + Sync,
 ) -> Result<Vec<OpenLoopRun>, OpenLoopError> {
     let seeds = plan.first_seed..plan.first_seed + u64::from(plan.runs);
     let seeds: Vec<u64> = seeds.collect();
@@ -97,6 +98,7 @@ pub fn play(
         let copies = plan.episodes.min(MAX_COPIES) as usize;
         let mut environment = build(&task, Physics::Rapier, copies)?;
         let played = catch_failure(|| play_run(&mut *environment, noise, seed, plan));
+        on_run();
         played.map_err(OpenLoopError::Environment)
     });
     runs.collect()
@@ -228,7 +230,7 @@ mod tests {
             goal: 1.0,
         };
         let share = |noise| {
-            let runs = play(&task, noise, &plan).unwrap();
+            let runs = play(&task, noise, &plan, || {}).unwrap();
             runs.iter().map(|run| f64::from(run.goals)).sum::<f64>() / 1000.0
         };
         let [uniform, white, .., slow, constant] = kinds_of_noise()[..] else {

@@ -60,7 +60,8 @@ def environment_id(function: Callable[..., Any], folder: Path, stored: Path | No
     """
     name = name_of(function)
     module = _module_with(function)
-    if module is not None and "." not in module.__name__:
+    is_one_file = module is not None and "." not in module.__name__ and not hasattr(module, "__path__")
+    if is_one_file:
         return f"{Path(str(module.__file__)).resolve()}:{name}"
     path = folder / f"{name}.py"
     if module is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import signal
 import socket
 import struct
@@ -638,6 +639,29 @@ def test_ids(tasks: Path):
         assert found["kind"] == "make" and "TypeError" in found["message"] and "color" in found["message"]
 
 
+def test_the_version_of_a_package_that_is_not_installed_is_that_of_its_files(tmp_path: Path):
+    package = tmp_path / "own_package"
+    package.mkdir()
+    (package / "__init__.py").write_text("from .task import Task\n")
+    (package / "task.py").write_text("import gymnasium\nfrom .size import SIZE\n" + TASK_OF_SIZE)
+    versions = []
+    for size in (1, 1, 2):
+        (package / "size.py").write_text(f"SIZE = {size}  # {'x' * size}\n")
+        with Worker() as worker:
+            versions.append(worker.configure("own_package:Task", path=[str(tmp_path)])["versions"]["own_package"])
+    assert versions[0] == versions[1] != versions[2]
+    assert re.fullmatch("files [0-9a-f]{16}", versions[0])
+    with Worker() as worker:
+        assert set(worker.configure("CartPole-v1")["versions"]) == {"python", "gymnasium", "numpy"}
+
+
+TASK_OF_SIZE = """
+class Task(gymnasium.Env):
+    observation_space = gymnasium.spaces.Box(0, SIZE, (1,))
+    action_space = gymnasium.spaces.Discrete(2)
+"""
+
+
 def test_expected_widths():
     with Worker() as worker:
         worker.configure("CartPole-v1", expected={"observation_width": 4, "action_width": 1})
@@ -810,7 +834,7 @@ def test_missing_pygame_is_found_by_pictures(tmp_path: Path):
 def test_a_missing_package_in_a_step(tasks: Path):
     with Worker() as worker:
         found = fail(worker, tasks, "step", "import")
-        assert (found["kind"], found["help"], found["copy"]) == ("missing_package", "pip install no_such_package", 1)
+        assert (found["kind"], found["help"], found["copy"]) == ("missing_package", "pip install no_such_package; if it is your own, install its folder, or run this in the folder that has it", 1)
 
 
 def test_pictures(tasks: Path):

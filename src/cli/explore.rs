@@ -29,7 +29,7 @@ pub(super) struct ExploreArgs {
     /// explore.html in the current directory]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Maximum number of states per run; more are thinned evenly
+    /// Maximum number of states per run; of more, a sample that is spread over the run
     #[arg(long, value_name = "N", default_value_t = DEFAULT_MAX_STATES, value_parser = clap::value_parser!(u64).range(1..=20_000_000))]
     states: u64,
     /// Keep all states

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use super::progress::PartsProgress;
 use super::{CliError, FloorArgs};
 use seedbed::input_files::{self, Directory};
 use seedbed::open_loop::{self, OpenLoopError, OpenLoopPlan, OpenLoopRun};
@@ -28,12 +29,18 @@ pub(super) fn floor(args: &FloorArgs) -> Result<(), CliError> {
     );
     say!("{}", header(&args.attempts));
     let mut table = csv_header(&args.attempts);
-    for noise in open_loop::kinds_of_noise() {
-        let runs = open_loop::play(&task, noise, &plan).map_err(|error| match error {
+    let kinds = open_loop::kinds_of_noise();
+    let progress = PartsProgress::new(
+        "run seeds with a kind of noise",
+        kinds.len() * plan.runs as usize,
+    );
+    for noise in kinds {
+        let runs = open_loop::play(&task, noise, &plan, || progress.part_finished());
+        let runs = runs.map_err(|error| match error {
             OpenLoopError::Task(error) => CliError::from(error),
             OpenLoopError::Environment(_) => CliError::Runtime(error.to_string()),
         })?;
-        say!("{}", row(noise, &runs, &args.attempts));
+        progress.suspend(|| say!("{}", row(noise, &runs, &args.attempts)));
         add_csv_rows(&mut table, noise, &runs, plan.first_seed, &args.attempts);
     }
     say!(

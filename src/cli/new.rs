@@ -6,7 +6,8 @@ use std::path::{Component, Path, PathBuf};
 
 use super::{CliError, NewArgs, NewKind};
 use seedbed::input_files::{self, Directory};
-use seedbed_env::gymnasium::{self, ADD_TIME_LIMIT};
+use seedbed_env::gymnasium::{self, ADD_TIME_LIMIT, GymnasiumTask};
+use seedbed_input::InputError;
 
 const TASK: &str = include_str!("templates/task.ron");
 const SCENARIO: &str = include_str!("templates/scenario.ron");
@@ -63,7 +64,8 @@ pub(super) fn new(args: &NewArgs) -> Result<(), CliError> {
             let environment = args.environment.as_deref().unwrap_or("cartpole");
             let folder = nearest(Directory::Scenarios);
             let environment = if let Some(id) = environment.strip_prefix(GYMNASIUM) {
-                format!("Gymnasium(id: {:?})", id_from(&folder, id))
+                // What is wrong with the environment is told when the scenario is checked.
+                read_gymnasium(&args.name, &folder, id)?.0
             } else {
                 check_exists(environment, Directory::Environments)?;
                 format!("{environment:?}")
@@ -90,27 +92,38 @@ fn new_task(args: &NewArgs) -> Result<NewFile, CliError> {
             "--env {environment}: expected `{GYMNASIUM}ID` for a new task, such as `{GYMNASIUM}CartPole-v1`"
         )));
     };
-    let id = id_from(&folder, id);
-    // Paths that begin with `..` lead nowhere from a directory that does not exist.
-    fs::create_dir_all(&folder).map_err(|error| {
-        CliError::Runtime(format!("cannot write {}: {error}", folder.display()))
-    })?;
-    let parse = |settings: &str| {
-        let text = format!("Gymnasium(id: {id:?}{settings})\n");
-        gymnasium::parse(&args.name, "--env", &folder, &text)
-    };
-    let (task, _) = match parse("") {
-        Err(error) if error.help.as_deref() == Some(ADD_TIME_LIMIT) => {
-            note!(
-                "note       the environment says no time limit: change `time_limit: 1000` if its episodes may be longer"
-            );
-            parse(", time_limit: 1000")?
-        }
-        parsed => parsed?,
-    };
+    let task = read_gymnasium(&args.name, &folder, id)?.1?;
     Ok(NewFile {
         path: folder.join(format!("{}.ron", args.name)),
         text: task.text_with_path(),
+    })
+}
+
+/// The text of an environment of Gymnasium for a file in `folder`, with a time limit if it needs one, and what Python
+/// says of it.
+fn read_gymnasium(
+    name: &str,
+    folder: &Path,
+    id: &str,
+) -> Result<(String, Result<GymnasiumTask, InputError>), CliError> {
+    let id = id_from(folder, id);
+    // Paths that begin with `..` lead nowhere from a directory that does not exist.
+    fs::create_dir_all(folder).map_err(|error| {
+        CliError::Runtime(format!("cannot write {}: {error}", folder.display()))
+    })?;
+    let read = |settings: &str| {
+        let text = format!("Gymnasium(id: {id:?}{settings})");
+        let parsed = gymnasium::parse(name, "--env", folder, &format!("{text}\n"));
+        (text, parsed.map(|(task, _)| task))
+    };
+    Ok(match read("") {
+        (_, Err(error)) if error.help.as_deref() == Some(ADD_TIME_LIMIT) => {
+            note!(
+                "note       the environment says no time limit: change `time_limit: 1000` if its episodes may be longer"
+            );
+            read(", time_limit: 1000")
+        }
+        read => read,
     })
 }
 

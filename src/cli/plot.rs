@@ -296,7 +296,7 @@ fn usage_error(error: FigureError) -> CliError {
         FigureError::NoAxis { .. } | FigureError::TooFewAxes => format!("--axes: {reason}"),
         FigureError::Condition { .. } => format!("--where {reason}"),
         FigureError::NoEpisodes(run) => format!(
-            "{} has no episodes that match --agents and --episodes",
+            "{} has no finished episodes, or none that match --agents and --episodes",
             run.display()
         ),
         FigureError::NoStates(run) => {

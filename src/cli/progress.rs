@@ -1,6 +1,7 @@
 //! Progress of runs on the terminal.
 
 use std::io::IsTerminal;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
@@ -270,6 +271,61 @@ fn remaining_time(seconds: f64) -> String {
 const BAR_STEPS: u64 = 1000;
 
 impl Drop for StudyProgress {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Progress of equal parts of some work, which several threads may finish: a bar on a terminal, otherwise one line
+/// per tenth.
+pub(super) struct PartsProgress {
+    bar: Option<ProgressBar>,
+    /// What the parts are.
+    what: &'static str,
+    parts: usize,
+    finished: AtomicUsize,
+    started: Instant,
+}
+
+impl PartsProgress {
+    pub(super) fn new(what: &'static str, parts: usize) -> Self {
+        let is_terminal = std::io::stderr().is_terminal();
+        Self {
+            bar: is_terminal.then(|| episode_bar(parts as u32, what)),
+            what,
+            parts,
+            finished: AtomicUsize::new(0),
+            started: Instant::now(),
+        }
+    }
+
+    pub(super) fn part_finished(&self) {
+        let finished = self.finished.fetch_add(1, Ordering::Relaxed) + 1;
+        let tenths = |count: usize| 10 * count / self.parts;
+        match &self.bar {
+            Some(bar) => bar.inc(1),
+            None if tenths(finished) > tenths(finished - 1) && finished < self.parts => {
+                let (what, parts) = (self.what, self.parts);
+                let each = self.started.elapsed().as_secs_f64() / finished as f64;
+                let left = remaining_time(each * (parts - finished) as f64);
+                note!("{finished}/{parts} {what}{left}");
+            }
+            None => {}
+        }
+    }
+
+    /// Prints something beside the bar.
+    pub(super) fn suspend(&self, print: impl FnOnce()) {
+        match &self.bar {
+            Some(bar) => bar.suspend(print),
+            None => print(),
+        }
+    }
+}
+
+impl Drop for PartsProgress {
     fn drop(&mut self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();

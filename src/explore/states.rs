@@ -7,7 +7,7 @@ use crate::review::selection::is_sampled;
 use crate::run::facts::StateQuantity;
 use seedbed_env::{Quantity, Status};
 
-/// The visited states of a run, or an evenly spaced sample of them.
+/// The visited states of a run, or a sample of them that is spread over time.
 #[derive(Debug)]
 pub(super) struct RunStates {
     /// One per quantity. Their values are in the order of [`episodes`](Self::episodes).

@@ -81,7 +81,7 @@ pub struct SelectedStates {
     /// Number of states per cell of each pair's grid: `[pairs × GRID_CELLS × GRID_CELLS]`; rows are
     /// cells of the second axis, columns of the first. States that are NaN on either axis are in no cell.
     pub grids: Vec<u32>,
-    /// Sample of the states, evenly spaced in time; all states if they are few enough.
+    /// Sample of the states, spread over time; all states if they are few enough.
     pub sample: Vec<SelectedState>,
 }
 
@@ -121,8 +121,8 @@ impl StateSelection {
     }
 
     /// Reads the selected states of a recording, ordered by agent; calls `on_episode` for each
-    /// selected episode. The file is read twice, because an evenly spaced sample can only be taken
-    /// when the number of states is known. Only the sample is held in memory.
+    /// selected episode. The file is read twice, because a sample can only be spread over all states
+    /// when their number is known. Only the sample is held in memory.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -228,11 +228,25 @@ impl SelectedStates {
     }
 }
 
-/// Whether the state `index` of `count` states belongs to an evenly spaced sample of `sample_size`
-/// states.
+/// Whether the state `index` of `count` states belongs to a sample of `sample_size` states: one of each of as
+/// many equal parts, at a random place that is always the same. Equal distances would meet the same steps of
+/// all episodes of equal length.
 #[must_use]
 pub fn is_sampled(index: u64, count: u64, sample_size: u64) -> bool {
-    count <= sample_size || (index + 1) * sample_size / count > index * sample_size / count
+    if count <= sample_size || sample_size == 0 {
+        return sample_size > 0;
+    }
+    let part = index * sample_size / count;
+    let [begin, end] = [part, part + 1].map(|part| (part * count).div_ceil(sample_size));
+    index == begin + scrambled(part) % (end - begin)
+}
+
+/// The output of SplitMix64 (Steele, Lea & Flood 2014) for a state: numbers of which neighbors are unlike.
+fn scrambled(state: u64) -> u64 {
+    let mut bits = state.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    bits ^ (bits >> 31)
 }
 
 #[cfg(test)]
@@ -240,7 +254,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sample_has_the_requested_size_and_is_evenly_spaced() {
+    fn the_sample_has_the_requested_size_and_no_wide_gaps() {
+        assert!((0..10).all(|index| !is_sampled(index, 10, 0)));
         for (count, sample_size) in [(10, 3), (1000, 999), (7, 7), (5, 9), (123_457, 1000)] {
             let sampled: Vec<u64> = (0..count)
                 .filter(|&index| is_sampled(index, count, sample_size))
@@ -248,9 +263,29 @@ mod tests {
             assert_eq!(sampled.len() as u64, sample_size.min(count));
             let gaps = sampled.windows(2).map(|pair| pair[1] - pair[0]);
             assert!(
-                gaps.max() <= Some(count.div_ceil(sample_size)),
+                gaps.max() < Some(2 * count.div_ceil(sample_size)),
                 "{count} {sample_size}"
             );
         }
+    }
+
+    /// 200 episodes of 301 states each: a sample of 1,000 has nearly all steps, where equal distances have five.
+    #[test]
+    fn episodes_of_equal_length_are_sampled_at_many_steps() {
+        let sampled = (0..200 * 301).filter(|&index| is_sampled(index, 200 * 301, 1000));
+        let steps: std::collections::BTreeSet<u64> = sampled.map(|index| index % 301).collect();
+        assert!(steps.len() > 250, "{}", steps.len());
+    }
+
+    /// The first outputs of SplitMix64 with the seed 0, as its authors' program prints them.
+    #[test]
+    fn scrambled_numbers_are_those_of_split_mix() {
+        let outputs = [0, 1, 2].map(scrambled);
+        let expected = [
+            0xe220_a839_7b1d_cdaf,
+            0x6e78_9e6a_a1b9_65f4,
+            0x06c4_5d18_8009_454f,
+        ];
+        assert_eq!(outputs, expected);
     }
 }

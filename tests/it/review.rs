@@ -302,7 +302,9 @@ fn plot_explains_invalid_options() {
     );
     assert_eq!(
         plot(&["--episodes", "900..", "--out", "a.svg"]),
-        format!("error: {SAMPLE} has no episodes that match --agents and --episodes\n")
+        format!(
+            "error: {SAMPLE} has no finished episodes, or none that match --agents and --episodes\n"
+        )
     );
     assert_eq!(
         plot(&["--color", "intrinsic-reward", "--out", "a.svg"]),

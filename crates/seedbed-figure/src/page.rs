@@ -1,6 +1,7 @@
 //! Arranges panels on a page.
 
 use super::font::{Weight, fit_text};
+use super::pair::is_to_scale;
 use super::panel_axes::TITLE_HEIGHT;
 use super::svg::{Anchor, Rect, SvgWriter, TextStyle};
 use super::{
@@ -216,7 +217,7 @@ impl Panel {
         }
     }
 
-    /// Height over width of a map to scale, which shows walls; `None` of other panels.
+    /// Height over width of a map to scale; `None` of other panels.
     #[must_use]
     pub fn aspect_of_map(&self) -> Option<f64> {
         let (lines, x, y) = match self {
@@ -224,8 +225,8 @@ impl Panel {
             Self::HeatMap(map) => (&map.lines, &map.x, &map.y),
             _ => return None,
         };
-        let [x, y] = [x, y].map(|axis| f64::from(axis.range[1] - axis.range[0]));
-        (!lines.is_empty()).then_some(y / x)
+        let [width, height] = [x, y].map(|axis| f64::from(axis.range[1] - axis.range[0]));
+        is_to_scale([x, y], lines).then_some(height / width)
     }
 
     /// Height of a panel of this width with a map to scale, without empty space; `None` of other panels.

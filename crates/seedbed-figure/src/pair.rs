@@ -56,7 +56,7 @@ impl Scatter {
         let plot = draw_axes(
             &self.title,
             [&self.x, &self.y],
-            !self.lines.is_empty(),
+            is_to_scale([&self.x, &self.y], &self.lines),
             panel,
             svg,
         );
@@ -83,7 +83,7 @@ impl HeatMap {
         let plot = draw_axes(
             &self.title,
             [&self.x, &self.y],
-            !self.lines.is_empty(),
+            is_to_scale([&self.x, &self.y], &self.lines),
             panel,
             svg,
         );
@@ -107,6 +107,17 @@ impl HeatMap {
         draw_lines(&self.lines, &plot, svg);
     }
 }
+
+/// Whether a meter has the same length on both axes: where there are walls, and on two lengths of which neither
+/// would be too short to be seen.
+pub(super) fn is_to_scale(axes: [&Axis; 2], lines: &[Vec<[f32; 2]>]) -> bool {
+    let [x, y] = axes.map(|axis| axis.range[1] - axis.range[0]);
+    let are_lengths = axes.iter().all(|axis| axis.unit == "m");
+    !lines.is_empty() || are_lengths && x <= MAX_ASPECT * y && y <= MAX_ASPECT * x
+}
+
+/// Largest ratio of two lengths that are to scale without walls.
+const MAX_ASPECT: f32 = 4.0;
 
 /// Largest number of values of an axis that are drawn as wide as their distance.
 const MAX_VALUES: usize = 50;
@@ -154,7 +165,7 @@ fn draw_lines(lines: &[Vec<[f32; 2]>], plot: &Plot, svg: &mut SvgWriter) {
     });
 }
 
-/// Draws the axes. If the plot is to scale, a meter has the same length on both, so that walls have their shape.
+/// Draws the axes, to scale or filling the panel.
 fn draw_axes(
     title: &str,
     [x, y]: [&Axis; 2],
@@ -266,6 +277,29 @@ mod tests {
         let offsets = [plot.area.x, plot.area.y, plot.area.x, plot.area.y];
         for ((number, share), offset) in numbers.iter().zip(expected).zip(offsets) {
             assert!((number - offset - share).abs() < 0.01, "{text}");
+        }
+    }
+
+    /// Lengths of 2 m and 8 m are to scale, of 2 m and 9 m only with walls; other units never.
+    #[test]
+    fn lengths_are_to_scale() {
+        let axis = |unit: &str, length: f32| Axis {
+            name: "x".to_owned(),
+            unit: unit.to_owned(),
+            range: [1.0, 1.0 + length],
+            outside: [0.0; 2],
+            nan: 0.0,
+        };
+        let walls = [vec![[0.0, 0.0], [0.0, 1.0]]];
+        for (units, length, expected) in [
+            (["m", "m"], 8.0, [true, true]),
+            (["m", "m"], 9.0, [false, true]),
+            (["m", "m/s"], 2.0, [false, true]),
+            (["", ""], 2.0, [false, true]),
+        ] {
+            let axes = [&axis(units[0], 2.0), &axis(units[1], length)];
+            let found = [is_to_scale(axes, &[]), is_to_scale(axes, &walls)];
+            assert_eq!(found, expected, "{units:?} {length}");
         }
     }
 

@@ -1,4 +1,6 @@
-//! `seedbed study list`: all runs with their indices and states.
+//! `seedbed study list`: all runs with their indices and states, and how many are in each state.
+
+use std::collections::BTreeMap;
 
 use jiff::Timestamp;
 
@@ -9,6 +11,7 @@ use seedbed::text::terminal_line;
 
 /// Prints all runs with their indices and states.
 pub(super) fn print_runs(plan: &StudyPlan, folder: &StudyFolder) {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for run in plan.runs() {
         let (state, mark) = match folder.state_of(&run) {
             RunState::Finished => ("finished", None),
@@ -18,6 +21,7 @@ pub(super) fn print_runs(plan: &StudyPlan, folder: &StudyFolder) {
             RunState::Damaged => ("damaged", None),
             RunState::ToRun => ("to run", None),
         };
+        *counts.entry(state).or_default() += 1;
         let saved = match state {
             "running" | "interrupted" => folder.saved_progress(&run),
             _ => None,
@@ -33,6 +37,11 @@ pub(super) fn print_runs(plan: &StudyPlan, folder: &StudyFolder) {
             in_parentheses(&details.join("; "))
         );
     }
+    let counts: Vec<String> = counts
+        .iter()
+        .map(|(state, n)| format!("{n} {state}"))
+        .collect();
+    note!("runs       {}", counts.join(", "));
 }
 
 fn in_parentheses(details: &str) -> String {

@@ -10,6 +10,7 @@ use seedbed::input_files::{self, BUILTIN_FILES};
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::store::StudyFolder;
 use seedbed::text::shell_word;
+use seedbed_env::gymnasium::given_python;
 
 /// What a script says of its study. Words are quoted for the shell.
 struct JobScript {
@@ -83,7 +84,7 @@ impl JobScript {
             } else {
                 "run"
             },
-            options: options(args),
+            options: options(args)?,
         })
     }
 
@@ -176,14 +177,23 @@ fn job_name(study: &str) -> String {
 }
 
 /// The options of the command that its shards need as well.
-fn options(args: &ScriptArgs) -> String {
+fn options(args: &ScriptArgs) -> Result<String, CliError> {
     let options = [
         (args.results.place.quick, " --quick"),
         (args.execution.retry, " --retry"),
         (args.execution.ignore_memory, " --ignore-memory"),
     ];
     let given = options.iter().filter(|(is_given, _)| *is_given);
-    given.map(|(_, option)| *option).collect()
+    let given: String = given.map(|(_, option)| *option).collect();
+    match given_python() {
+        // A program without a folder is looked up by its name.
+        Some(python) if python.components().count() == 1 => {
+            let name = python.display().to_string();
+            Ok(format!("{given} --python {}", shell_word(&name)))
+        }
+        Some(python) => Ok(format!("{given} --python {}", path_word(python)?)),
+        None => Ok(given),
+    }
 }
 
 /// The absolute path as a word of a shell. A built-in file keeps its name.

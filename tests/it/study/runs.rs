@@ -36,7 +36,9 @@ fn results_depend_neither_on_jobs_nor_on_processes() {
     let expected =
         "error: --index 6: expected an index from 0 to 5; `seedbed study list` shows all\n";
     assert_eq!(stderr(&beyond), expected);
-    let listed = stdout(&run_study(&study, &one_process_per_run, &["list"]));
+    let listed = run_study(&study, &one_process_per_run, &["list"]);
+    assert_eq!(stderr(&listed), "runs       6 finished\n");
+    let listed = stdout(&listed);
     assert_eq!(
         listed.lines().next(),
         Some("     0  finished     run seed 1000    σ 0")
@@ -50,13 +52,14 @@ fn former_spellings_of_actions_are_read() {
     let (_folder, study, out) = write_study(&study_text(1, ""));
     let path = out.to_str().unwrap();
     let former = run_study(&study, &out, &["--list"]);
-    let expected = format!("note: the new spelling is `seedbed study list {study} --out {path}`\n");
-    assert_eq!(stderr(&former), expected);
     let listed = run_study(&study, &out, &["list"]);
-    assert_eq!(
-        (stdout(&former), stderr(&listed)),
-        (stdout(&listed), String::new())
-    );
+    assert_eq!(stdout(&former), stdout(&listed));
+    let count = stdout(&listed).lines().count();
+    let counted = format!("runs       {count} to run\n");
+    assert_eq!(stderr(&listed), counted);
+    let new_spelling =
+        format!("note: the new spelling is `seedbed study list {study} --out {path}`\n");
+    assert_eq!(stderr(&former), new_spelling + &counted);
 }
 
 /// The study crashes when two of twelve runs are finished.

@@ -13,6 +13,12 @@ pub fn set_python(interpreter: &Path) {
     let _ = GIVEN.set(interpreter.to_owned());
 }
 
+/// What [`set_python`] was called with.
+#[must_use]
+pub fn given_python() -> Option<&'static Path> {
+    GIVEN.get().map(PathBuf::as_path)
+}
+
 /// The interpreter of workers: that of [`set_python`], of `SEEDBED_PYTHON`, of the active virtual
 /// environment (`VIRTUAL_ENV` or `CONDA_PREFIX`), or `python3`.
 #[must_use]

@@ -35,6 +35,7 @@ import signal
 import socket
 import struct
 import sys
+import sysconfig
 import threading
 import time
 import traceback
@@ -81,7 +82,9 @@ PACKAGES = {
     "PIL": "pillow",
     "ale_py": "ale-py",
     "cv2": "opencv-python",
+    "gymnasium": "gymnasium",
     "jax": '"gymnasium[jax]"',
+    "minigrid": "minigrid",
     "mujoco": '"gymnasium[mujoco]"',
     "numpy": "gymnasium",
     "pygame": '"gymnasium[classic-control]"',
@@ -223,7 +226,10 @@ def missing_package(error: BaseException) -> Failure | None:
     module = (getattr(cause, "name", None) or "").partition(".")[0]
     if module and module not in sys.modules:
         message = f"the Python package {module} is not installed for {sys.executable}"
-        return Failure("missing_package", message, f"pip install {PACKAGES.get(module, module)}")
+        help = f"pip install {PACKAGES.get(module, module)}"
+        if module not in PACKAGES:
+            help += "; if it is your own, install its folder, or run this in the folder that has it"
+        return Failure("missing_package", message, help)
     command = re.search(r"pip install [^`]+", message_of(error))
     return Failure("missing_package", message_of(error), command[0]) if command else None
 
@@ -550,7 +556,7 @@ def description(environment: Environment, observations: Flat, actions: Actions, 
         "time_limit": time_limit(environment),
         "reward_threshold": None if threshold is None else finite(threshold),
         "control_step": positive(dt) or (1.0 / fps if fps else 1.0),
-        "versions": versions(environment),
+        "versions": versions(environment, file),
         "source": source(environment, file),
         "render_fps": fps,
     }
@@ -581,13 +587,26 @@ def time_limit(environment: Environment) -> int | None:
     return min(limits, default=None)
 
 
-def versions(environment: Environment) -> dict[str, str]:
+def versions(environment: Environment, file: Path | None) -> dict[str, str]:
+    """Versions of Python and of packages; of a package that is not installed, which may change at any time, a checksum of its files."""
     package = type(environment.unwrapped).__module__.partition(".")[0]
     found = {"python": platform.python_version()}
     for name in ("gymnasium", "numpy", package, *(each for each in ENGINES if each in sys.modules)):
         with contextlib.suppress(importlib.metadata.PackageNotFoundError, ValueError):
             found[name] = importlib.metadata.version(name)
+    files = changeable_files(package, file)
+    if files:
+        sha256 = hashlib.sha256(b"".join(Path(each).read_bytes() for each in files))
+        found[package] = f"files {sha256.hexdigest()[:16]}"
     return found
+
+
+def changeable_files(package: str, file: Path | None) -> list[str]:
+    """Loaded files of a package outside of the folders of installed packages, without `file`, whose checksum is `source`."""
+    installed = tuple(sysconfig.get_path(name) + os.sep for name in ("purelib", "platlib", "stdlib"))
+    files = {getattr(module, "__file__", None) or "" for name, module in list(sys.modules.items()) if name.partition(".")[0] == package}
+    files = {each for each in files if each.endswith(".py") and not each.startswith(installed) and Path(each) != file}
+    return sorted(each for each in files if os.path.isfile(each))
 
 
 def source(environment: Environment, file: Path | None) -> dict[str, str] | None:

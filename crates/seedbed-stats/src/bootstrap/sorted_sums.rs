@@ -4,6 +4,11 @@
 //! of [`Iterator::sum`] over the sorted resample, which is never written down: a number of draws differs from resample to resample,
 //! so what is not drawn again adds −0, which changes no sum.
 
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined has other instructions than its caller"
+)]
+
 use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
@@ -119,10 +124,17 @@ fn add_part(
     (counts, positions): (&Counts, &[u32; LANES]),
     middle: &Range<u32>,
 ) {
-    for draw in 0..largest_count(counts) {
-        for ((sum, &count), position) in sums.iter_mut().zip(counts).zip(positions) {
-            let position = position + u32::from(draw);
-            let is_summed = (draw < count) & (middle.start <= position) & (position < middle.end);
+    let (mut first_draws, mut numbers_of_draws) = ([0; LANES], [0; LANES]);
+    for lane in 0..LANES {
+        let [start, end] =
+            [middle.start, middle.end].map(|end| end.saturating_sub(positions[lane]));
+        first_draws[lane] = start;
+        numbers_of_draws[lane] = end.min(counts[lane].into()).saturating_sub(start);
+    }
+    for draw in 0..u32::from(largest_count(counts)) {
+        for ((sum, first), number) in sums.iter_mut().zip(first_draws).zip(numbers_of_draws) {
+            // A draw before the first is a large number.
+            let is_summed = draw.wrapping_sub(first) < number;
             *sum += if is_summed { score } else { -0.0 };
         }
     }

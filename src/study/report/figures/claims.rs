@@ -92,7 +92,7 @@ fn verdicts<'a>(claim_results: impl Iterator<Item = &'a ClaimResult>) -> Vec<(St
     let occurring: Vec<Option<Verdict>> = claim_results.map(|result| result.verdict).collect();
     let all = [
         (Some(Verdict::Supported), "supported"),
-        (Some(Verdict::NoRelevantEffect), "no effect"),
+        (Some(Verdict::NoRelevantEffect), "no relevant effect"),
         (Some(Verdict::Negligible), "negligible"),
         (Some(Verdict::Refuted), "refuted"),
         (Some(Verdict::Open), "open"),
