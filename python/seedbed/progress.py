@@ -65,7 +65,7 @@ class RunProgress:
         count, maximum, unit = _played(content)
         seconds = time.monotonic() - self._started
         rate = (content["env_steps"] - self._first_step) / max(seconds, 1e-3)
-        parts = [f"{count:,}/{maximum:,} {unit}", f"mean return {content['recent_return']:.1f}", f"{rate:,.0f} env steps/s"]
+        parts = [f"{count:,}/{maximum:,} {unit}", f"mean return {_short(content['recent_return'])}", f"{rate:,.0f} env steps/s"]
         if self._first_count < count < maximum:
             parts.append(f"{_duration(seconds * (maximum - count) / (count - self._first_count))} left")
         return " · ".join(parts)
@@ -123,3 +123,8 @@ def _played(content: Mapping[str, Any]) -> tuple[int, int, str]:
 
 def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"
+
+
+def _short(value: float) -> str:
+    """A number with a decimal or, if it is small, four significant digits."""
+    return f"{value:.1f}" if abs(value) >= 100 else f"{value:.4g}"

@@ -93,10 +93,19 @@ fn python_package(name: &'static str, needed_for: &str) -> Finding {
 }
 
 fn tool(name: &'static str, program: &str, argument: &str, needed_for: &str) -> Finding {
-    Finding {
-        name,
-        found: first_line(Command::new(program).arg(argument)).ok_or_else(|| needed_for.to_owned()),
-    }
+    let version = first_line(Command::new(program).arg(argument));
+    let found = match version {
+        Some(version) => Ok(version),
+        None if is_installed(program) => Ok(format!("`{program} {argument}` fails")),
+        None => Err(needed_for.to_owned()),
+    };
+    Finding { name, found }
+}
+
+/// Whether a folder of `PATH` has this program.
+fn is_installed(program: &str) -> bool {
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&folders).any(|folder| folder.join(program).is_file())
 }
 
 fn mpi() -> Finding {

@@ -59,6 +59,9 @@ pub(super) fn explore(args: &ExploreArgs) -> Result<(), CliError> {
         out.display(),
         contents(&explorer, page.len())
     );
+    if explorer.state_counts()[1] == 0 {
+        note!("warning: no episode has ended yet, so that there are no states to show");
+    }
     if args.open {
         open_in_browser(&out)?;
     }

@@ -9,6 +9,7 @@ use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use seedbed::run::measures::RoundRows;
 use seedbed::run::{Observer, Progress};
 use seedbed::study::design::cell::PlannedRun;
+use seedbed::text::short_number;
 
 /// Shows no progress; prints warnings only.
 pub(super) struct NoProgress;
@@ -104,8 +105,8 @@ impl Observer for RunProgress {
             / self.started.elapsed().as_secs_f64().max(1e-3);
         let rate = HumanCount(rate as u64);
         let message = format!(
-            "mean return {:.1} · {rate} env steps/s",
-            progress.recent_return
+            "mean return {} · {rate} env steps/s",
+            short_number(progress.recent_return)
         );
         let played = Played::of(progress);
         match &self.bar {

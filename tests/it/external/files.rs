@@ -402,7 +402,7 @@ fn results_are_stored_and_verified() {
         listed.contains("     1  to run       run sb3/ppo-1    SB3"),
         "{listed}"
     );
-    assert_eq!(listed.matches("finished").count(), 7);
+    assert_eq!(listed.matches("  finished  ").count(), 7);
     fixture.succeed(&[]);
     assert_eq!(fixture.rows()[1]["episodes"], "4");
     let verified = fixture.succeed(&["verify"]);
@@ -449,7 +449,7 @@ fn the_example_of_the_documentation_works() {
     assert!(output.status.success(), "{output:?}");
     let printed = fixture.succeed(&["--quick"]);
     assert!(printed.contains("runs       8 finished\n"), "{printed}");
-    assert!(printed.contains("1 exploratory comparison"), "{printed}");
+    assert!(printed.contains("1 confirmatory claim: 1 open"), "{printed}");
 }
 
 /// A name of a run or agent that is missing, a quotation mark that is not closed, and lines after empty

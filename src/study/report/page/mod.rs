@@ -94,7 +94,7 @@ fn figure_section(number: &str, figure: &ReportFigure) -> Markup {
     let min_width = width.min((0.6 * width).max(340.0));
     html! {
         figure {
-            div.scroll {
+            div.scroll tabindex="0" {
                 div.picture style={ "min-width:" (min_width) "px;max-width:" (width) "px" } {
                     (PreEscaped(figure.picture.svg()))
                 }
@@ -115,7 +115,7 @@ fn class_of_column(column: usize) -> Option<&'static str> {
 fn table_section(table: &Table) -> Markup {
     html! {
         h3 { (table.title) }
-        div.scroll {
+        div.scroll tabindex="0" {
             table {
                 thead {
                     tr {

@@ -35,7 +35,7 @@ pub(super) fn results_of_others_section(results: &Results) -> Markup {
                 }
                 details {
                     summary { "Files" }
-                    div.scroll {
+                    div.scroll tabindex="0" {
                         table {
                             thead { tr { th.name { "file" } th { "bytes" } th.name { "SHA-256" } } }
                             tbody {
@@ -78,7 +78,7 @@ pub(super) fn reproduction_section(results: &Results) -> Markup {
         pre { "seedbed study " (action) (shell_word(&manifest.study_path)) (option) }
         p { (provenance_text(results)) }
         p { "One run of each cell, with its recording:" }
-        div.scroll {
+        div.scroll tabindex="0" {
             table {
                 thead {
                     tr { th.name { "cell" } th { "K" } th { "max episodes" } th.name { "command" } }
