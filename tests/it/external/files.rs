@@ -449,7 +449,10 @@ fn the_example_of_the_documentation_works() {
     assert!(output.status.success(), "{output:?}");
     let printed = fixture.succeed(&["--quick"]);
     assert!(printed.contains("runs       8 finished\n"), "{printed}");
-    assert!(printed.contains("1 confirmatory claim: 1 open"), "{printed}");
+    assert!(
+        printed.contains("1 confirmatory claim: 1 open"),
+        "{printed}"
+    );
 }
 
 /// A name of a run or agent that is missing, a quotation mark that is not closed, and lines after empty
