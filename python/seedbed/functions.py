@@ -60,8 +60,7 @@ def environment_id(function: Callable[..., Any], folder: Path, stored: Path | No
     """
     name = name_of(function)
     module = _module_with(function)
-    is_one_file = module is not None and "." not in module.__name__ and not hasattr(module, "__path__")
-    if is_one_file:
+    if module is not None and _is_one_file(module):
         return f"{Path(str(module.__file__)).resolve()}:{name}"
     path = folder / f"{name}.py"
     if module is not None:
@@ -80,6 +79,11 @@ def _module_with(function: Callable[..., Any]) -> types.ModuleType | None:
     if module is None or not getattr(module, "__file__", None) or not _is_importable(module):
         return None
     return module if getattr(module, name_of(function), None) is function else None
+
+
+def _is_one_file(module: types.ModuleType) -> bool:
+    """Whether a module is neither a package nor in one."""
+    return "." not in module.__name__ and not hasattr(module, "__path__")
 
 
 def _is_importable(module: types.ModuleType) -> bool:
