@@ -834,7 +834,8 @@ def test_missing_pygame_is_found_by_pictures(tmp_path: Path):
 def test_a_missing_package_in_a_step(tasks: Path):
     with Worker() as worker:
         found = fail(worker, tasks, "step", "import")
-        assert (found["kind"], found["help"], found["copy"]) == ("missing_package", "pip install no_such_package; if it is your own, install its folder, or run this in the folder that has it", 1)
+        help = "pip install no_such_package; if it is your own, install its folder, or run this in the folder that has it"
+        assert (found["kind"], found["help"], found["copy"]) == ("missing_package", help, 1)
 
 
 def test_pictures(tasks: Path):

@@ -233,8 +233,11 @@ impl SelectedStates {
 /// all episodes of equal length.
 #[must_use]
 pub fn is_sampled(index: u64, count: u64, sample_size: u64) -> bool {
-    if count <= sample_size || sample_size == 0 {
-        return sample_size > 0;
+    if sample_size == 0 {
+        return false;
+    }
+    if count <= sample_size {
+        return true;
     }
     let part = index * sample_size / count;
     let [begin, end] = [part, part + 1].map(|part| (part * count).div_ceil(sample_size));

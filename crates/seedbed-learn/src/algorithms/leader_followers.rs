@@ -101,14 +101,13 @@ impl AlgorithmConfig for LeaderFollowers {
         let agents = context.config.count.get();
         IndependentLearners::build(context, |agent| {
             let learner = SeedPgAgent::new(&self.learner(agent.agent, agents), agent);
-            let imitation = Imitation {
-                agent: LEADER,
-                weight: self.coupling.get_f32(),
-            };
             if agent.agent == LEADER {
                 learner.with_weight_of_others(self.follower_weight.get_f32())
-            } else if imitation.weight > 0.0 {
-                learner.with_imitation(imitation)
+            } else if self.is_coupled() {
+                learner.with_imitation(Imitation {
+                    agent: LEADER,
+                    weight: self.coupling.get_f32(),
+                })
             } else {
                 learner
             }
@@ -121,7 +120,7 @@ impl AlgorithmConfig for LeaderFollowers {
                 "greedy actions have no importance ratios; expected `Sampled` or `Tempered`",
             ));
         }
-        if self.coupling.get() > 0.0 && self.minibatch == Minibatch::Trajectory {
+        if self.is_coupled() && self.minibatch == Minibatch::Trajectory {
             return Err(self.coupling.error(
                 "coupled followers learn from own and the leader's steps together; expected \
                  `minibatch: Steps(…)`",
@@ -166,16 +165,16 @@ impl AlgorithmConfig for LeaderFollowers {
             Sharing::Sampled { trajectories } => of_followers.min(trajectories.get().into()),
         };
         let own = self.learner(LEADER + 1, 2).cost_per_step(agents);
-        let imitated = if self.coupling.get() > 0.0 {
-            of_followers
-        } else {
-            0.0
-        };
+        let imitated = if self.is_coupled() { of_followers } else { 0.0 };
         own + f64::from(self.epochs.get()) * (shared + imitated) / f64::from(agents)
     }
 }
 
 impl LeaderFollowers {
+    fn is_coupled(&self) -> bool {
+        self.coupling.get() > 0.0
+    }
+
     /// The parameters of one of `agents` agents.
     fn learner(&self, agent: u32, agents: u32) -> SeedPg {
         let data = if agent == LEADER {

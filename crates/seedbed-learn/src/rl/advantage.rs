@@ -122,18 +122,23 @@ pub fn mean_baseline(returns: &[f32], baseline: &mut Vec<f32>) {
 /// Standardizes advantages in place: A ← (A − mean A) / (deviation of A + 10⁻⁸). Constant
 /// advantages become 0.   `advantages: [N]`
 pub fn standardize(advantages: &mut [f32]) {
-    let center = mean(advantages);
-    for advantage in &mut *advantages {
-        *advantage -= center;
+    standardize_rows(advantages, |_| true);
+}
+
+/// The same for some of the advantages only; others do not count, and stay as they are.
+pub fn standardize_rows(advantages: &mut [f32], is_included: impl Fn(usize) -> bool) {
+    let rows = 0..advantages.len();
+    let included = || rows.clone().filter(|&row| is_included(row));
+    let count = included().count().max(1) as f32;
+    let center = included().map(|row| advantages[row]).sum::<f32>() / count;
+    for row in included() {
+        advantages[row] -= center;
     }
-    let variance = advantages
-        .iter()
-        .map(|centered| centered * centered)
-        .sum::<f32>()
-        / advantages.len().max(1) as f32;
+    let squares = included().map(|row| advantages[row] * advantages[row]);
+    let variance = squares.sum::<f32>() / count;
     let scale = 1.0 / (variance.sqrt() + 1e-8);
-    for advantage in advantages {
-        *advantage *= scale;
+    for row in included() {
+        advantages[row] *= scale;
     }
 }
 
@@ -291,5 +296,8 @@ mod tests {
             [0.0; 3]
         );
         standardize(&mut []);
+        let mut some = [1.0, 50.0, 3.0];
+        standardize_rows(&mut some, |row| row != 1);
+        assert_eq!(some, [-1.0, 50.0, 1.0]);
     }
 }

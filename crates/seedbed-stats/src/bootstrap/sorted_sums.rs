@@ -13,6 +13,8 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::USUAL_DRAWS;
+
 /// Number of resamples that are summed at once.
 pub(super) const LANES: usize = 16;
 
@@ -93,17 +95,14 @@ impl WithSimd for OfResamples<'_> {
     }
 }
 
-/// Number of draws of a run that are always looked at: in few of a hundred scores, one of the lanes has more.
-const USUAL_DRAWS: u8 = 4;
-
 /// Adds a score to each sum as often as it was drawn.
 #[inline(always)]
 fn add(sums: &mut Lanes, score: f64, counts: &Counts) {
     // Two loops, because the end of one with an unpredictable length takes longer than the rest of it.
-    for draw in 0..USUAL_DRAWS {
+    for draw in 0..USUAL_DRAWS as u8 {
         add_draw(sums, score, draw, counts);
     }
-    for draw in USUAL_DRAWS..largest_count(counts) {
+    for draw in USUAL_DRAWS as u8..largest_count(counts) {
         add_draw(sums, score, draw, counts);
     }
 }

@@ -350,7 +350,12 @@ impl SeedPgAgent {
     pub(super) fn improve_policy(&mut self, descent: &Descent, totals: &mut Totals) {
         let work = &mut self.work;
         if self.config.standardize == Standardization::PerMinibatch {
-            standardize_own(&mut work.samples);
+            let Samples {
+                advantages,
+                imitation,
+                ..
+            } = &mut work.samples;
+            advantage::standardize_rows(advantages, |row| weight_at(imitation, row, 0.0) == 0.0);
         }
         let samples = &work.samples;
         let width = samples.component_count();
@@ -363,26 +368,28 @@ impl SeedPgAgent {
             .zip(work.ratios.iter().zip(&samples.advantages))
             .enumerate()
         {
-            let imitation = samples.imitation.get(row).copied().unwrap_or(0.0);
-            if imitation > 0.0 {
-                let surrogate = policy_loss::simple(log_probs.iter().sum(), imitation);
+            let weight = weight_at(&samples.loss_weights, row, 1.0);
+            let mut add = |surrogate: Surrogate, components| {
+                let surrogate = surrogate.weighted(weight);
                 work.slopes
-                    .extend(std::iter::repeat_n(surrogate.slope, width));
-                continue;
+                    .extend(std::iter::repeat_n(surrogate.slope, components));
+                totals.add_surrogate(&surrogate, components);
+            };
+            let imitation = weight_at(&samples.imitation, row, 0.0);
+            if imitation > 0.0 {
+                let log_prob = log_probs.iter().sum();
+                add(policy_loss::simple(log_prob, imitation), width);
+            } else {
+                let center = weight_at(&samples.centers, row, 1.0);
+                let rows = (log_probs, behavior);
+                for_each_surrogate(
+                    *self.config.policy_loss,
+                    rows,
+                    (ratio, center),
+                    advantage,
+                    add,
+                );
             }
-            let weight = samples.loss_weights.get(row).copied().unwrap_or(1.0);
-            for_each_surrogate(
-                *self.config.policy_loss,
-                (log_probs, behavior),
-                (ratio, samples.centers.get(row).copied().unwrap_or(1.0)),
-                advantage,
-                |surrogate, components| {
-                    let surrogate = surrogate.weighted(weight);
-                    work.slopes
-                        .extend(std::iter::repeat_n(surrogate.slope, components));
-                    totals.add_surrogate(&surrogate, components);
-                },
-            );
         }
         totals.add_minibatch(&work.ratios, self.policy.mean_entropy());
         let entropy_bonus = self.config.entropy_bonus.get_f32();
@@ -420,24 +427,9 @@ impl SeedPgAgent {
     }
 }
 
-/// Standardizes the advantages of samples that are not imitated.
-fn standardize_own(samples: &mut Samples) {
-    if samples.imitation.is_empty() {
-        advantage::standardize(&mut samples.advantages);
-        return;
-    }
-    let is_own = |weight: &f32| *weight == 0.0;
-    let rows = samples.advantages.iter_mut().zip(&samples.imitation);
-    let mut own: Vec<f32> = rows
-        .filter(|(_, weight)| is_own(weight))
-        .map(|(advantage, _)| *advantage)
-        .collect();
-    advantage::standardize(&mut own);
-    let rows = samples.advantages.iter_mut().zip(&samples.imitation);
-    let rows = rows.filter(|(_, weight)| is_own(weight));
-    for ((advantage, _), own) in rows.zip(own) {
-        *advantage = own;
-    }
+/// The number of a row of a column that is empty if all rows have the number `otherwise`.
+fn weight_at(column: &[f32], row: usize, otherwise: f32) -> f32 {
+    column.get(row).copied().unwrap_or(otherwise)
 }
 
 /// Passes the surrogate loss of a whole action, or one loss per component, to `visit`, with the
