@@ -294,6 +294,10 @@ fn a_crashed_run_of_a_leader_resumes_to_the_same_bits() {
         "--set",
         "algorithm=LeaderFollowers(observations: Running)",
     ]);
+    assert_resumed_run_gives_the_same_bits(&[
+        "--set",
+        "algorithm=LeaderFollowers(networks: Shared, bonus: Rnd())",
+    ]);
 }
 
 /// Crashes a run ten rounds after a checkpoint, resumes it, and asserts that its results equal

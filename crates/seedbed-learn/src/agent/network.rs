@@ -70,6 +70,10 @@ impl Network {
         &self.learned.parameters
     }
 
+    pub(crate) fn parameters_mut(&mut self) -> &mut [f32] {
+        &mut self.learned.parameters
+    }
+
     /// Evaluates the network, and stores the activations for [`descend`](Self::descend).
     /// `inputs: [B × in]` → `[B × out]`
     pub(crate) fn forward(&mut self, inputs: &[f32]) -> &[f32] {

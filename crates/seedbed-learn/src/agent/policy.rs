@@ -204,7 +204,7 @@ impl Policy {
         rows.map(entropy).sum::<f32>() / count
     }
 
-    /// One gradient step on (mean loss − `entropy_bonus` · mean entropy) of the latest evaluated
+    /// One gradient step on the mean of (loss − `entropy_weight(row)` · entropy) of the latest evaluated
     /// rows. `slopes` are ∂lossₜ/∂log π(a_{t,c}|sₜ).   `states: [N × observation width]`,
     /// `actions`, `slopes`: `[N × C]`
     pub(crate) fn descend(
@@ -212,7 +212,7 @@ impl Policy {
         states: &[f32],
         actions: &[f32],
         slopes: &[f32],
-        entropy_bonus: f32,
+        entropy_weight: impl Fn(usize) -> f32,
         descent: &Descent,
     ) {
         let (width, count) = (self.network.mlp().outputs(), self.components.len());
@@ -220,14 +220,14 @@ impl Policy {
         let weight = count as f32 / slopes.len() as f32;
         let mut output_gradient = std::mem::take(&mut self.output_gradient);
         let rows = self.rows().zip(output_gradient.chunks_exact_mut(width));
-        for ((row, gradient), (actions, slopes)) in
-            rows.zip(actions.chunks_exact(count).zip(slopes.chunks_exact(count)))
-        {
+        let actions = actions.chunks_exact(count).zip(slopes.chunks_exact(count));
+        for (index, ((row, gradient), (actions, slopes))) in rows.zip(actions).enumerate() {
+            let entropy_weight = entropy_weight(index);
             for ((component, &action), slope) in self.components.iter().zip(actions).zip(slopes) {
                 let gradient = component.slice_mut(gradient);
                 component.gradient(row, action, weight * slope, gradient);
-                if entropy_bonus > 0.0 {
-                    component.add_entropy_gradient(row, -weight * entropy_bonus, gradient);
+                if entropy_weight > 0.0 {
+                    component.add_entropy_gradient(row, -weight * entropy_weight, gradient);
                 }
             }
         }

@@ -132,7 +132,7 @@ fn a_step_follows_the_reference_gradient() {
             &case.states,
             &case.actions,
             &case.slopes(&log_probs),
-            case.entropy_bonus,
+            |_| case.entropy_bonus,
             &descent,
         );
 

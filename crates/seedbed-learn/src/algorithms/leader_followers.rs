@@ -13,8 +13,8 @@
 //! followers near the leader by a divergence, too, and adds a reward by which agents are told from each
 //! other: the bonus `Discriminator`.
 //!
-//! Differences from SAPG: each agent has networks of its own, where the policies of SAPG share a
-//! network and differ in some of its inputs. Values are learned towards V-trace targets, where SAPG has
+//! With `networks: Shared` all agents share one network and differ in some of its inputs, as in SAPG; by
+//! default each has networks of its own. Differences from SAPG: values are learned towards V-trace targets, where SAPG has
 //! three-step returns on own and one-step returns on other episodes. λ weights each sample of the
 //! followers' episodes, which are drawn whole, where SAPG draws as many steps as the leader's own.
 //!
@@ -26,25 +26,25 @@ use serde::{Deserialize, Serialize};
 
 use super::seed_pg::common_settings::{configuration, copy_settings, with_common_settings};
 use super::seed_pg::config::{
-    AdvantageEstimate, Clipping, Data, Minibatch, PolicyLoss, ReturnNormalization, SeedPg, Sharing,
-    Standardization, TimeLimit, VTrace, ValueTarget,
+    AdvantageEstimate, Clipping, Data, Minibatch, Networks, PolicyLoss, ReturnNormalization,
+    SeedPg, Sharing, Standardization, TimeLimit, VTrace, ValueTarget,
 };
-use super::seed_pg::{Imitation, SeedPgAgent};
+use super::seed_pg::{Imitation, SeedPgAgent, build_team};
 use super::{AlgorithmConfig, RandomActions};
 use crate::agent::action_selection::ActionSelection;
 use crate::agent::bonus::Bonus;
 use crate::agent::network_info::NetworkInfo;
 use crate::nn::AdamSettings;
 use crate::scaling::ObservationScaling;
-use crate::team::{IndependentLearners, Team, TeamContext};
+use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{Count, Fraction, NonNegative, Positive, ranged_count, ranged_number};
 use seedbed_input::{Located, ValidationError, short_located_list};
 
 with_common_settings!(configuration! {
     /// Leader and followers (SAPG, Singla, Agarwal & Pathak 2024): agent 0, the leader, also learns from
-    /// episodes of the followers, which learn from their own only. Each agent has networks of its own; in
-    /// SAPG they share one network. Measures of the team are means over the leader and all followers.
+    /// episodes of the followers, which learn from their own only. SAPG has `networks: Shared`. Measures of
+    /// the team are means over the leader and all followers.
     pub struct LeaderFollowers {
         /// Weight λ of the followers' steps in the leader's losses.
         pub follower_weight: NonNegative,
@@ -81,6 +81,7 @@ impl Default for LeaderFollowers {
             returns: defaults.returns,
             observations: ObservationScaling::Range,
             actions: defaults.actions,
+            networks: defaults.networks,
             hidden: defaults.hidden,
             epochs: ranged_count(4),
             minibatch: Minibatch::Steps(ranged_count(64)),
@@ -99,7 +100,7 @@ const LEADER: u32 = 0;
 impl AlgorithmConfig for LeaderFollowers {
     fn build(&self, context: &TeamContext<'_>) -> Box<dyn Team> {
         let agents = context.config.count.get();
-        IndependentLearners::build(context, |agent| {
+        build_team(*self.networks, context, |agent| {
             let learner = SeedPgAgent::new(&self.learner(agent.agent, agents), agent);
             if agent.agent == LEADER {
                 learner.with_weight_of_others(self.follower_weight.get_f32())
@@ -364,6 +365,30 @@ mod tests {
             ..config(1.0)
         };
         assert!(config(1.0).check().is_ok() && trajectories.check().is_err());
+    }
+
+    /// With shared networks, all learn from what any agent learns from: a follower's entropy, its own reward,
+    /// and the weight of the leader's other steps.
+    #[test]
+    fn shared_networks_minimize_the_losses_of_all() {
+        let config = |entropy, weight| LeaderFollowers {
+            networks: Networks::Shared.into(),
+            entropy_bonus: ranged_number(entropy),
+            follower_weight: ranged_number(weight),
+            minibatch: Minibatch::Steps(ranged_count(100)),
+            ..LeaderFollowers::default()
+        };
+        for changed in 0..3 {
+            assert_eq!(agents_that_notice(&config(0.0, 1.0), changed), [true; 3]);
+        }
+        let tensors = |entropy, weight| learn(&config(entropy, weight), [0.1, 0.2, 0.3]);
+        let differ = |other: Vec<(AgentUpdate, Vec<f32>)>| {
+            let usual = tensors(0.0, 1.0);
+            [0, 1, 2].map(|agent: usize| usual[agent].1 != other[agent].1)
+        };
+        assert_eq!(differ(tensors(0.5, 1.0)), [true; 3]);
+        assert_eq!(differ(tensors(0.0, 0.0)), [true; 3]);
+        assert_eq!(differ(tensors(0.0, 1.0)), [false; 3]);
     }
 
     /// A sample of one has the episode of one of the two followers.

@@ -129,6 +129,18 @@ impl Mlp {
         network
     }
 
+    /// The same network with `count` further inputs, after the others.
+    pub(crate) fn with_further_inputs(&self, count: usize) -> Self {
+        let units = self.layers.iter().map(|layer| layer.outputs);
+        let sizes: Vec<usize> = [self.inputs() + count].into_iter().chain(units).collect();
+        Self::new(&sizes).with_activation(self.activation)
+    }
+
+    /// Number of units of the first layer.
+    pub(crate) fn units_of_first_layer(&self) -> usize {
+        self.layers[0].outputs
+    }
+
     /// Number of parameters.
     #[must_use]
     pub fn parameter_count(&self) -> usize {

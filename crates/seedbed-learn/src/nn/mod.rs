@@ -6,6 +6,7 @@
 
 pub mod adam;
 pub mod bayesian;
+mod coded;
 mod kernels;
 pub mod median_scale;
 pub mod mlp;
@@ -17,6 +18,7 @@ pub use adam::{Adam, AdamSettings};
 pub use bayesian::{
     BayesianNetwork, BayesianSettings, BayesianState, DiagonalGaussian, Likelihood,
 };
+pub(crate) use coded::CodedNetwork;
 pub(crate) use kernels::move_towards;
 pub use median_scale::MedianScale;
 pub use mlp::{Activation, Activations, Initial, Mlp};

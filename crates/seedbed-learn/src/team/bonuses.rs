@@ -63,7 +63,10 @@ pub(crate) fn update_bonus_models<M: HasBonusModel>(
 
 /// Copies the bonus model of the first model to the others, if the team shares it; returns whether it
 /// does.
-fn copy_shared_bonus_model<M: HasBonusModel>(models: &mut [M], workers: Workers<'_>) -> bool {
+pub(crate) fn copy_shared_bonus_model<M: HasBonusModel>(
+    models: &mut [M],
+    workers: Workers<'_>,
+) -> bool {
     let Some((first, others)) = models.split_first_mut() else {
         return false;
     };

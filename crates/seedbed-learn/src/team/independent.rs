@@ -6,7 +6,7 @@ use super::{
 use crate::agent::bonus::{BonusModel, SHARED_OWNER};
 use crate::agent::{ActScratch, Agent, AgentContext};
 use crate::cancellation::cancellation_point;
-use crate::experience::{Episode, EpisodeInfo, Experience};
+use crate::experience::{Episode, EpisodeInfo};
 use crate::nn::Tensor;
 
 /// A team of independent [`Agent`]s, which all learn from the team's shared episodes.
@@ -48,18 +48,8 @@ impl IndependentLearners {
         })
     }
 
-    /// Tensors of all local agents, whose names begin with e.g. `agent_3.`.
-    fn tensors_of_agents<'a>(
-        &'a self,
-        tensors_of: impl Fn(&'a dyn Agent) -> Vec<Tensor<'a>>,
-    ) -> Vec<Tensor<'a>> {
-        let mut tensors = Vec::new();
-        for (agent, number) in self.agents.iter().zip(self.first_agent..) {
-            let prefix = format!("agent_{number}.");
-            let own_tensors = tensors_of(&**agent).into_iter();
-            tensors.extend(own_tensors.map(|tensor| tensor.prefixed(&prefix)));
-        }
-        tensors
+    fn local_agents(&self) -> impl Iterator<Item = &dyn Agent> {
+        self.agents.iter().map(|agent| &**agent)
     }
 
     /// Agent 0, if it is local.
@@ -88,30 +78,54 @@ impl IndependentLearners {
     }
 }
 
+/// The agents of a group, which come first among `agents`, choose their actions.
+pub(crate) fn act_one_by_one<'a, A: Agent + ?Sized + 'a>(
+    agents: impl Iterator<Item = &'a A>,
+    request: &mut ActionRequest<'_>,
+    scratch: &mut ActScratch,
+) {
+    let count = request.playing.len();
+    let observation_width = request.observations.len() / count;
+    let action_width = request.actions.len() / count;
+    for (index, agent) in agents.take(count).enumerate() {
+        if !request.playing[index] {
+            continue;
+        }
+        let observation = index * observation_width..(index + 1) * observation_width;
+        let action = index * action_width..(index + 1) * action_width;
+        agent.act(
+            &request.observations[observation],
+            &mut request.random[index],
+            scratch,
+            &mut request.actions[action.clone()],
+            &mut request.log_probs[action],
+        );
+    }
+}
+
+/// Tensors of agents that begin with this number, whose names then begin with e.g. `agent_3.`.
+pub(crate) fn tensors_of_agents<'a, A: ?Sized + 'a>(
+    agents: impl Iterator<Item = &'a A>,
+    first: usize,
+    tensors_of: impl Fn(&'a A) -> Vec<Tensor<'a>>,
+) -> Vec<Tensor<'a>> {
+    let mut tensors = Vec::new();
+    for (agent, number) in agents.zip(first..) {
+        let prefix = format!("agent_{number}.");
+        let own_tensors = tensors_of(agent).into_iter();
+        tensors.extend(own_tensors.map(|tensor| tensor.prefixed(&prefix)));
+    }
+    tensors
+}
+
 impl Team for IndependentLearners {
     fn agent_count(&self) -> usize {
         self.agent_count
     }
 
     fn act(&self, request: &mut ActionRequest<'_>, scratch: &mut ActScratch) {
-        let count = request.playing.len();
-        let observation_width = request.observations.len() / count;
-        let action_width = request.actions.len() / count;
-        let group = &self.agents[request.first_agent - self.first_agent..][..count];
-        for (index, agent) in group.iter().enumerate() {
-            if !request.playing[index] {
-                continue;
-            }
-            let observation = index * observation_width..(index + 1) * observation_width;
-            let action = index * action_width..(index + 1) * action_width;
-            agent.act(
-                &request.observations[observation],
-                &mut request.random[index],
-                scratch,
-                &mut request.actions[action.clone()],
-                &mut request.log_probs[action],
-            );
-        }
+        let group = &self.agents[request.first_agent - self.first_agent..];
+        act_one_by_one(group.iter().map(|agent| &**agent), request, scratch);
     }
 
     fn learn(&mut self, request: &LearningRequest<'_>, workers: Workers<'_>) -> Vec<AgentUpdate> {
@@ -125,12 +139,7 @@ impl Team for IndependentLearners {
         }
         let mut updates = workers.map(learning_agents, |(agent, learner)| AgentUpdate {
             agent: learner.agent,
-            update: agent.update(&Experience {
-                new_episodes: &request.episodes[learner.first_new_episode..],
-                new_lengths: &request.lengths[learner.first_new_episode..],
-                all_episodes: request.episodes,
-                earlier_updates: learner.earlier_updates,
-            }),
+            update: agent.update(&learner.experience(request)),
             is_finite: agent.is_finite(),
         });
         if self.first_agent == 0 && self.copy_shared_bonus_model(workers) {
@@ -178,7 +187,9 @@ impl Team for IndependentLearners {
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
-        let mut tensors = self.tensors_of_agents(Agent::tensors);
+        let mut tensors = tensors_of_agents(self.local_agents(), self.first_agent, |agent| {
+            agent.tensors()
+        });
         if let Some(agent) = self.agent_0() {
             let shared_tensors = agent.shared_tensors().into_iter();
             tensors.extend(shared_tensors.map(|tensor| tensor.prefixed(SHARED_OWNER)));
@@ -187,7 +198,9 @@ impl Team for IndependentLearners {
     }
 
     fn initial_tensors(&self) -> Vec<Tensor<'_>> {
-        self.tensors_of_agents(Agent::initial_tensors)
+        tensors_of_agents(self.local_agents(), self.first_agent, |agent| {
+            agent.initial_tensors()
+        })
     }
 
     fn save(&self) -> SavedTeam {

@@ -20,12 +20,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::agent::{ActScratch, ActionRandom, AgentContext, TeamConfig, Update};
 use crate::experience::replay::Replay;
-use crate::experience::{Episode, EpisodeInfo};
+use crate::experience::{Episode, EpisodeInfo, Experience};
 use crate::nn::Tensor;
 use seedbed_env::TaskSpec;
 
-pub(crate) use bonuses::{HasBonusModel, mean_bonus, update_bonus_models};
+pub(crate) use bonuses::{HasBonusModel, copy_shared_bonus_model, mean_bonus, update_bonus_models};
 pub use independent::IndependentLearners;
+pub(crate) use independent::{act_one_by_one, tensors_of_agents};
 pub(crate) use learning_clock::{LearningClock, SavedProgress};
 pub use learning_team::LearningTeam;
 pub(crate) use local_models::LocalModels;
@@ -194,6 +195,18 @@ pub struct Learner {
     pub first_new_episode: usize,
     /// Number of the agent's earlier updates.
     pub earlier_updates: u32,
+}
+
+impl Learner {
+    /// What this agent learns from.
+    pub(crate) fn experience<'a>(&self, request: &LearningRequest<'a>) -> Experience<'a> {
+        Experience {
+            new_episodes: &request.episodes[self.first_new_episode..],
+            new_lengths: &request.lengths[self.first_new_episode..],
+            all_episodes: request.episodes,
+            earlier_updates: self.earlier_updates,
+        }
+    }
 }
 
 /// The update of one agent of a team.

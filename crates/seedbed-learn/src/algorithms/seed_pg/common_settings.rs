@@ -18,6 +18,8 @@ macro_rules! with_common_settings {
             observations: ObservationScaling,
             /// How actions are chosen from the policy's distribution.
             actions: Located<ActionSelection>,
+            /// Whether each agent has networks of its own.
+            networks: Located<Networks>,
             /// Number of units of each hidden layer, the same for both networks.
             #[serde(deserialize_with = "short_located_list")]
             hidden: Located<Vec<Count<4096>>>,

@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SeedPgAgent;
 use super::common_settings::{configuration, with_common_settings};
+use super::{SeedPgAgent, build_team};
 use crate::agent::action_selection::ActionSelection;
 use crate::agent::bonus::Bonus;
 use crate::agent::network::Network;
@@ -13,7 +13,7 @@ use crate::agent::policy;
 use crate::algorithms::{AlgorithmConfig, RandomActions, ScheduleError, ScheduleKind};
 use crate::nn::{Activation, AdamSettings};
 use crate::scaling::ObservationScaling;
-use crate::team::{IndependentLearners, Team, TeamContext};
+use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{
     Count, Fraction, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
@@ -56,6 +56,18 @@ pub enum Data {
     Shared,
     /// The agent's own trajectories.
     Own,
+}
+
+/// Whether each agent has networks of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
+pub enum Networks {
+    /// A policy and a value function for each agent.
+    Own,
+    /// One policy and one value function for the team, with a one-hot code of the agent as further
+    /// inputs: only the biases of the first layer are an agent's own. All agents' losses are
+    /// minimized together, each from the episodes that this agent would learn from (as in SAPG);
+    /// needs `minibatch: Steps(…)`.
+    Shared,
 }
 
 /// How many of the other agents' trajectories an agent learns from.
@@ -283,7 +295,9 @@ pub enum StepSizeSchedule {
 
 impl AlgorithmConfig for SeedPg {
     fn build(&self, context: &TeamContext<'_>) -> Box<dyn Team> {
-        IndependentLearners::build(context, |agent| SeedPgAgent::new(self, agent))
+        build_team(*self.networks, context, |agent| {
+            SeedPgAgent::new(self, agent)
+        })
     }
 
     fn check(&self) -> Result<(), ValidationError> {
@@ -292,6 +306,7 @@ impl AlgorithmConfig for SeedPg {
         self.check_advantage()?;
         self.check_actions()?;
         Bonus::check(&self.bonus)?;
+        self.check_networks()?;
         if self.hidden.is_empty() {
             return Err(self
                 .hidden
@@ -311,6 +326,12 @@ impl AlgorithmConfig for SeedPg {
                  `schedule: Synchronous(…)` or `Asynchronous(…)`, or a value-based algorithm: \
                  `QLearning(…)`, `SeedTd(…)`, `BootstrappedDqn(…)`",
             )),
+            ScheduleKind::Asynchronous if *self.networks == Networks::Shared => {
+                Err(ScheduleError::Parameter(self.networks.error(
+                    "shared networks require that all agents learn at the same time; expected \
+                     `schedule: Synchronous(…)`, or `Own`",
+                )))
+            }
             ScheduleKind::Asynchronous if self.bonus.has_shared_model() => {
                 Err(ScheduleError::Parameter(self.bonus.error(
                     "a shared model requires that all agents learn at the same time; expected \
@@ -390,6 +411,16 @@ impl AlgorithmConfig for SeedPg {
 }
 
 impl SeedPg {
+    fn check_networks(&self) -> Result<(), ValidationError> {
+        if *self.networks == Networks::Shared && self.minibatch == Minibatch::Trajectory {
+            return Err(self.networks.error(
+                "shared networks learn from the steps of all agents together; expected \
+                 `minibatch: Steps(…)`, or `networks: Own`",
+            ));
+        }
+        Ok(())
+    }
+
     fn check_policy_loss(&self) -> Result<(), ValidationError> {
         let is_on_policy = self.policy_data == Data::Own
             && self.epochs.get() == 1
@@ -529,6 +560,7 @@ impl Default for SeedPg {
             time_limit: TimeLimit::Ends,
             observations: ObservationScaling::Raw,
             actions: ActionSelection::Sampled.into(),
+            networks: Networks::Own.into(),
             hidden: vec![ranged_count(32); 2].into(),
             epochs: ranged_count(1),
             minibatch: Minibatch::Trajectory,

@@ -168,6 +168,17 @@ impl SeedPgAgent {
         totals: &mut Totals,
     ) {
         self.collect_samples(new_episodes);
+        self.learn_from_samples(size, descent, random, totals);
+    }
+
+    /// Learns from minibatches of `size` of the collected samples.
+    pub(super) fn learn_from_samples(
+        &mut self,
+        size: usize,
+        descent: &Descent,
+        random: &mut Stream,
+        totals: &mut Totals,
+    ) {
         let targets = std::mem::take(&mut self.work.all_value_samples.targets);
         self.normalize(&targets);
         self.work.all_value_samples.targets = targets;
@@ -207,7 +218,7 @@ impl SeedPgAgent {
     }
 
     /// Collects the samples of all chosen trajectories.
-    fn collect_samples(&mut self, new_episodes: &[Episode]) {
+    pub(super) fn collect_samples(&mut self, new_episodes: &[Episode]) {
         self.work.all_policy_samples.clear();
         self.work.all_value_samples.clear();
         for position in 0..self.work.chosen_episodes.len() {
@@ -398,7 +409,7 @@ impl SeedPgAgent {
             &samples.states,
             &samples.actions,
             &work.slopes,
-            entropy_bonus,
+            |row| weight_at(&samples.entropy_weights, row, entropy_bonus),
             descent,
         );
     }

@@ -13,6 +13,7 @@ pub mod config;
 mod estimates;
 mod learning;
 mod samples;
+mod shared_networks;
 #[cfg(test)]
 pub(super) mod tests;
 mod totals;
@@ -20,21 +21,35 @@ mod totals;
 use rand::seq::index;
 use serde::{Deserialize, Serialize};
 
-use self::config::{Data, ReturnNormalization, SeedPg, Sharing};
+use self::config::{Data, Networks, ReturnNormalization, SeedPg, Sharing};
 use self::estimates::Scratch;
 use self::samples::Samples;
+use self::shared_networks::SharedNetworks;
 use self::totals::Totals;
 use crate::agent::bonus::BonusModel;
 use crate::agent::network::{Descent, LearnedState, Network};
 use crate::agent::policy::{self, Policy};
 use crate::agent::{ActScratch, ActionRandom, Agent, AgentContext, Update};
-use crate::experience::{Episode, EpisodeInfo, Experience};
+use crate::experience::{Episode, EpisodeInfo, Experience, StepData};
 use crate::nn::{Mlp, PopArt, Standardizer, Tensor};
 use crate::scaling::Scaling;
 use crate::seed::{InitialParameters, RewardPerturbation};
+use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::TaskSpec;
 use seedbed_input::numbers::{NonNegative, Positive};
 use seedbed_random::{Purpose, Stream, stream};
+
+/// The team of these agents, with the networks that a scenario chooses.
+pub(in crate::algorithms) fn build_team(
+    networks: Networks,
+    context: &TeamContext<'_>,
+    build: impl Fn(&AgentContext<'_>) -> SeedPgAgent,
+) -> Box<dyn Team> {
+    match networks {
+        Networks::Own => IndependentLearners::build(context, build),
+        Networks::Shared => Box::new(SharedNetworks::new(context, build)),
+    }
+}
 
 /// One agent of Seed-PG.
 pub struct SeedPgAgent {
@@ -101,6 +116,14 @@ struct Workspace {
     value_gradient: Vec<f32>,
 }
 
+/// An update whose networks have not learned yet.
+struct Begun {
+    /// What minibatches are drawn from.
+    random: Stream,
+    totals: Totals,
+    step_data: Vec<StepData>,
+}
+
 /// What a checkpoint holds of an agent. The rest derives from the scenario.
 #[derive(Serialize, Deserialize)]
 struct Saved<L, S> {
@@ -164,6 +187,41 @@ impl SeedPgAgent {
     fn imitates(&self, agent: u32) -> bool {
         self.imitation
             .is_some_and(|imitation| imitation.agent == agent)
+    }
+
+    /// Chooses the episodes to learn from, computes their bonuses, and lets the bonus model learn.
+    fn begin_update(&mut self, experience: &Experience<'_>) -> Begun {
+        let new_episodes = experience.new_episodes;
+        let mut random = self.update_stream(experience.earlier_updates);
+        let mut totals = Totals::default();
+        let infos = new_episodes.iter().zip(experience.new_lengths);
+        let infos = infos.map(|(episode, &length)| EpisodeInfo {
+            length,
+            ..EpisodeInfo::from(episode)
+        });
+        self.work.chosen_episodes = self.choose_episodes(infos, &mut random);
+        if let Some(bonus_model) = &mut self.bonus_model {
+            bonus_model.compute_bonuses(
+                experience,
+                &self.work.chosen_episodes,
+                &mut self.work.bonuses,
+            );
+            totals.set_bonuses(
+                self.agent,
+                new_episodes,
+                &self.work.bonuses,
+                bonus_model.learn(experience),
+            );
+        }
+        let step_data = self.own_step_data(new_episodes);
+        if self.weight_of_others.is_some() {
+            self.compute_earlier_ratios(new_episodes);
+        }
+        Begun {
+            random,
+            totals,
+            step_data,
+        }
     }
 
     /// Chooses the new episodes that this agent learns from: its own, those that others share with it, and
@@ -278,31 +336,12 @@ impl Agent for SeedPgAgent {
             earlier_updates: round,
             ..
         } = experience;
-        let mut random = self.update_stream(round);
-        let (descent, mut totals) = (self.descent(round), Totals::default());
-        let infos = new_episodes.iter().zip(experience.new_lengths);
-        let infos = infos.map(|(episode, &length)| EpisodeInfo {
-            length,
-            ..EpisodeInfo::from(episode)
-        });
-        self.work.chosen_episodes = self.choose_episodes(infos, &mut random);
-        if let Some(bonus_model) = &mut self.bonus_model {
-            bonus_model.compute_bonuses(
-                experience,
-                &self.work.chosen_episodes,
-                &mut self.work.bonuses,
-            );
-            totals.set_bonuses(
-                self.agent,
-                new_episodes,
-                &self.work.bonuses,
-                bonus_model.learn(experience),
-            );
-        }
-        let step_data = self.own_step_data(new_episodes);
-        if self.weight_of_others.is_some() {
-            self.compute_earlier_ratios(new_episodes);
-        }
+        let descent = self.descent(round);
+        let Begun {
+            mut random,
+            mut totals,
+            step_data,
+        } = self.begin_update(experience);
         for _ in 0..self.config.epochs.get() {
             self.learn_for_an_epoch(new_episodes, &descent, &mut random, &mut totals);
         }

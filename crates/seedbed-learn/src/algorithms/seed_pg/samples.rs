@@ -1,5 +1,7 @@
 //! Samples for gradient steps: the steps of one or several trajectories, or a minibatch of them.
 
+use crate::nn::CodedNetwork;
+
 /// N steps, stored column by column.
 #[derive(Default)]
 pub(super) struct Samples {
@@ -23,6 +25,8 @@ pub(super) struct Samples {
     /// Weights of −log π of actions that are imitated, in place of the policy's loss; 0 of others; empty if
     /// none are: `[N]`.
     pub(super) imitation: Vec<f32>,
+    /// Weights of the policy's entropy; empty if all are that of the configuration: `[N]`.
+    pub(super) entropy_weights: Vec<f32>,
 }
 
 impl Samples {
@@ -47,6 +51,25 @@ impl Samples {
         }
     }
 
+    /// Fills the columns that are empty because all rows have the usual number, and sets the weight of the
+    /// entropy.
+    pub(super) fn fill_empty_columns(&mut self, entropy_weight: f32) {
+        let count = self.len();
+        self.loss_weights.resize(count, 1.0);
+        self.centers.resize(count, 1.0);
+        self.imitation.resize(count, 0.0);
+        self.entropy_weights.resize(count, entropy_weight);
+    }
+
+    /// Appends all steps of `other`, with a code as further inputs.
+    pub(super) fn append_coded(&mut self, other: &Self, network: &CodedNetwork, code: usize) {
+        network.append_inputs(&other.states, code, &mut self.states);
+        let without_states = self.columns_mut().into_iter().zip(other.columns()).skip(1);
+        for (column, other) in without_states {
+            column.extend_from_slice(other);
+        }
+    }
+
     /// Replaces the samples by the steps of `source` with the indices `rows`.
     pub(super) fn gather(&mut self, source: &Self, rows: &[usize]) {
         let count = source.len().max(1);
@@ -55,7 +78,7 @@ impl Samples {
         }
     }
 
-    fn columns(&self) -> [&[f32]; 9] {
+    fn columns(&self) -> [&[f32]; 10] {
         [
             &self.states,
             &self.actions,
@@ -66,10 +89,11 @@ impl Samples {
             &self.loss_weights,
             &self.centers,
             &self.imitation,
+            &self.entropy_weights,
         ]
     }
 
-    fn columns_mut(&mut self) -> [&mut Vec<f32>; 9] {
+    fn columns_mut(&mut self) -> [&mut Vec<f32>; 10] {
         [
             &mut self.states,
             &mut self.actions,
@@ -80,6 +104,7 @@ impl Samples {
             &mut self.loss_weights,
             &mut self.centers,
             &mut self.imitation,
+            &mut self.entropy_weights,
         ]
     }
 }
@@ -124,6 +149,7 @@ mod tests {
             loss_weights: column(60.0),
             centers: Vec::new(),
             imitation: column(70.0),
+            entropy_weights: Vec::new(),
         }
     }
 

@@ -22,7 +22,7 @@ pub(super) struct Totals {
     /// Number of components whose ratio was clipped.
     clipped_count: u64,
     intrinsic_reward: Option<f32>,
-    prediction_error: Option<f32>,
+    pub(super) prediction_error: Option<f32>,
 }
 
 impl Totals {

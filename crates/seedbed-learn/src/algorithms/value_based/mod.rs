@@ -344,12 +344,7 @@ impl Team for ValueTeam {
         let Some(first) = request.learners.first() else {
             return Vec::new();
         };
-        let experience = Experience {
-            new_episodes: &request.episodes[first.first_new_episode..],
-            new_lengths: &request.lengths[first.first_new_episode..],
-            all_episodes: request.episodes,
-            earlier_updates: first.earlier_updates,
-        };
+        let experience = first.experience(request);
         if self.clock.learns_after_episodes() {
             self.learn_from_replay(workers);
         }

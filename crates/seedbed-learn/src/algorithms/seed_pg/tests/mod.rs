@@ -1,6 +1,7 @@
 //! Seed-PG on hand-made episodes of two observations and one binary action.
 
 mod settings;
+mod shared_networks;
 mod sharing;
 mod updates;
 

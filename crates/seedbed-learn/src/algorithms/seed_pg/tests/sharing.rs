@@ -130,20 +130,28 @@ fn processes_have_the_bits_of_a_team_in_one() {
             ..TeamEntropy::default()
         })
     };
-    for (sharing, bonus) in [
-        (Sharing::All, Bonus::None),
-        (sampled, Bonus::None),
-        (sampled, vime(ModelSharing::Shared)),
-        (sampled, vime(ModelSharing::Independent)),
-        (sampled, vime(ModelSharing::Frozen)),
-        (sampled, Bonus::Rnd(Rnd::default())),
-        (sampled, entropy(ModelSharing::Shared)),
-        (sampled, entropy(ModelSharing::Independent)),
+    let own = SeedPg::default();
+    let shared = SeedPg {
+        networks: Networks::Shared.into(),
+        minibatch: Minibatch::Steps(ranged_count(4)),
+        ..SeedPg::default()
+    };
+    for (settings, sharing, bonus) in [
+        (&shared, Sharing::All, Bonus::None),
+        (&shared, sampled, vime(ModelSharing::Independent)),
+        (&own, Sharing::All, Bonus::None),
+        (&own, sampled, Bonus::None),
+        (&own, sampled, vime(ModelSharing::Shared)),
+        (&own, sampled, vime(ModelSharing::Independent)),
+        (&own, sampled, vime(ModelSharing::Frozen)),
+        (&own, sampled, Bonus::Rnd(Rnd::default())),
+        (&own, sampled, entropy(ModelSharing::Shared)),
+        (&own, sampled, entropy(ModelSharing::Independent)),
     ] {
         let config = SeedPg {
             sharing,
             bonus: bonus.clone().into(),
-            ..SeedPg::default()
+            ..settings.clone()
         };
         let [mut whole, mut first, mut second] =
             [None, Some((0, 2)), Some((2, 5))].map(|local| team_in_process(&config, local));
