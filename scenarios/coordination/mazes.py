@@ -3,6 +3,7 @@
 
 mazes.py hooks 3 > envs/hooks_3.ron        a puck in four corridors with three hooks each
 mazes.py plugs 2 > envs/plugs_2.ron        the same, and each corridor is plugged by a block that must be pushed away first
+mazes.py rods 3 > envs/rods_3.ron          a long rod in the place of the puck, which must be turned at each bend
 mazes.py storeys 1 > envs/storeys_1.ron    a drone in a house with two halls, of one storey each above the ground floor
 """
 
@@ -11,7 +12,7 @@ import sys
 
 def main() -> None:
     kind, size = sys.argv[1], int(sys.argv[2])
-    print({"hooks": hooks, "plugs": plugs, "storeys": storeys}[kind](size), end="")
+    print({"hooks": hooks, "plugs": plugs, "rods": rods, "storeys": storeys}[kind](size), end="")
 
 
 Wall = tuple[float, float, float, float]  # x from, x to, y from, y to
@@ -49,10 +50,31 @@ def plugs(count: int) -> str:
     )
 
 
+def rods(count: int) -> str:
+    return corridors(
+        count,
+        RODS,
+        description=f"Turn a rod through the bends of the one of four corridors with {plural(count, 'hook')} that ends in a reward; each run draws it.",
+        iterations=2,
+        steps=60 + 40 * (count + 1),
+        walls=on_four_sides(walls_of_arm(count)),
+        reach=f"{max(6, 2 * count + 0.5):g}",
+        goal=end_of_arm(count, depth=1.0),
+        name="rod",
+        body=ROD,
+        places=ROD_PLACES,
+        seen=ROD_SEEN,
+        pushes='        (name: "turn", type: Signal, control: Continuous(-1.0, 1.0)),\n',
+        start="0.1",
+        starts='        (joint: "rod.angle", position: Uniform(-1.5707963, 1.5707963)),\n',
+    )
+
+
 def corridors(count: int, about: str, **parts: object) -> str:
-    """Without blocks, unless `parts` have them."""
-    parts = {"blocks": "", "joints": "", "places": "", "seen": "", **parts}
-    return filled(CORRIDORS, about=filled(about, count=plural(count, "hook")), goal=end_of_arm(count), **parts)
+    """With a puck, and without blocks, unless `parts` have others."""
+    nothing = dict.fromkeys(("blocks", "joints", "places", "seen", "pushes", "starts"), "")
+    parts = {**nothing, "goal": end_of_arm(count), "name": "puck", "body": PUCK, "start": "0.3", **parts}
+    return filled(CORRIDORS, about=filled(about, count=plural(count, "hook")), **parts)
 
 
 def of_each_block(line: str) -> str:
@@ -84,8 +106,9 @@ def walls_of_arm(count: int) -> list[Wall]:
     return [*walls, (6.0, 6.5, -1.0, top), (1.5, 2.0, 1.5, top), (1.5, 6.5, top, top + 0.5)]
 
 
-def end_of_arm(count: int) -> str:
-    end = "along > 5.5" if count % 2 == 0 else "along > 2 && along < 2.5"
+def end_of_arm(count: int, depth: float = 0.5) -> str:
+    """Whether the middle of the body is in the end of the last lane."""
+    end = f"along > {6 - depth:g}" if count % 2 == 0 else f"along > 2 && along < {2 + depth:g}"
     return f"{end} && aside > {2 * count - 0.5:g} && aside < {2 * count + 0.5:g}"
 
 
@@ -130,6 +153,52 @@ PLUGS = """\
 // the knob of hardness; %(made)s.
 """
 
+RODS = """\
+// Four equal corridors go out, aside and back: %(count)s in a row. A rod, longer than the corridors are wide, must be turned at each bend. One corridor, which each run draws,
+// ends in the reward, and nothing shows which. The number of hooks is the knob of hardness; %(made)s.
+"""
+
+PUCK = """\
+        // A disc of 1 kg and 0.1 m, m r² / 2, with a drag of 2 N s/m: at most 2 m/s.
+        (
+            name: "puck",
+            mass: 1.0,
+            inertia: 0.005,
+            colliders: [(name: "rim", geom: Ball(radius: 0.1), friction: 0.0)],
+            forces: [(x: "-2 * x_dot", y: "-2 * y_dot")],
+        ),
+"""
+
+ROD = """\
+        // A rod of 1 kg and 1.2 m, m l² / 12, with drags of 2 N s/m and 0.25 N m s: at most 2 m/s and 2 rad/s.
+        (
+            name: "rod",
+            mass: 1.0,
+            inertia: 0.12,
+            colliders: [(name: "rim", geom: Capsule(from: (-0.5, 0.0), to: (0.5, 0.0), radius: 0.1), friction: 0.0)],
+            forces: [
+                (x: "-2 * x_dot", y: "-2 * y_dot"),
+                // A couple: the torque of `turn` against the drag.
+                (y: "0.5 * turn - 0.25 * spin", at: (0.5, 0.0), frame: Local),
+                (y: "-0.5 * turn + 0.25 * spin", at: (-0.5, 0.0), frame: Local),
+            ],
+        ),
+"""
+
+ROD_PLACES = """\
+        // The rod has no front: half a turn leads to the same state.
+        (name: "angle", type: JointPosition("rod.angle")),
+        (name: "spin", type: JointVelocity("rod.angle")),
+        (name: "turned_x", type: Formula("cos(2 * angle)")),
+        (name: "turned_y", type: Formula("sin(2 * angle)")),
+"""
+
+ROD_SEEN = """\
+        (name: "turned_x", range: (-1.0, 1.0)),
+        (name: "turned_y", range: (-1.0, 1.0)),
+        (name: "spin", unit: "rad/s", range: (-4.0, 4.0)),
+"""
+
 BLOCK = """\
         (name: "block_%(side)d", position: (%(x)g, %(y)g), angle: %(angle)g, mass: 1.0, inertia: 0.1, colliders: [(geom: Box(half_size: (0.4, 0.45)), friction: 0.0)]),
 """
@@ -149,27 +218,19 @@ CORRIDORS = """\
     // 0 east, counter-clockwise to 3 south.
     drawn_per_run: [(name: "goal", value: WholeNumber(from: 0, to: 3))],
     bodies: [
-        // A disc of 1 kg and 0.1 m, m r² / 2, with a drag of 2 N s/m: at most 2 m/s.
-        (
-            name: "puck",
-            mass: 1.0,
-            inertia: 0.005,
-            colliders: [(name: "rim", geom: Ball(radius: 0.1), friction: 0.0)],
-            forces: [(x: "-2 * x_dot", y: "-2 * y_dot")],
-        ),
-%(blocks)s    ],
+%(body)s%(blocks)s    ],
 %(joints)s    colliders: [
 %(walls)s
     ],
     actuators: [
-        (name: "push_x", type: BodyForce(body: "puck", direction: (1.0, 0.0)), gear: 4.0, control: Continuous(-1.0, 1.0)),
-        (name: "push_y", type: BodyForce(body: "puck", direction: (0.0, 1.0)), gear: 4.0, control: Continuous(-1.0, 1.0)),
-    ],
+        (name: "push_x", type: BodyForce(body: "%(name)s", direction: (1.0, 0.0)), gear: 4.0, control: Continuous(-1.0, 1.0)),
+        (name: "push_y", type: BodyForce(body: "%(name)s", direction: (0.0, 1.0)), gear: 4.0, control: Continuous(-1.0, 1.0)),
+%(pushes)s    ],
     sensors: [
-        (name: "x", type: JointPosition("puck.x")),
-        (name: "y", type: JointPosition("puck.y")),
-        (name: "x_dot", type: JointVelocity("puck.x")),
-        (name: "y_dot", type: JointVelocity("puck.y")),
+        (name: "x", type: JointPosition("%(name)s.x")),
+        (name: "y", type: JointPosition("%(name)s.y")),
+        (name: "x_dot", type: JointVelocity("%(name)s.x")),
+        (name: "y_dot", type: JointVelocity("%(name)s.y")),
         // Coordinates along the first lane of the right corridor, and to its left.
         (name: "along", type: Formula("cos(goal * pi / 2) * x + sin(goal * pi / 2) * y")),
         (name: "aside", type: Formula("cos(goal * pi / 2) * y - sin(goal * pi / 2) * x")),
@@ -181,9 +242,9 @@ CORRIDORS = """\
         (name: "y_dot", unit: "m/s", range: (-3.0, 3.0)),
 %(seen)s    ],
     reset: [
-        (joint: "puck.x", position: Uniform(-0.3, 0.3)),
-        (joint: "puck.y", position: Uniform(-0.3, 0.3)),
-    ],
+        (joint: "%(name)s.x", position: Uniform(-%(start)s, %(start)s)),
+        (joint: "%(name)s.y", position: Uniform(-%(start)s, %(start)s)),
+%(starts)s    ],
     reward: "if %(goal)s { 1 } else { 0 }",
     terminated: "%(goal)s",
 )

@@ -89,6 +89,8 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "envs/quadrotor_side.ron",
     "envs/quadrotor_side_easy.ron",
     "envs/ring.ron",
+    "envs/rods_3.ron",
+    "envs/rods_easy.ron",
     "envs/storeys_1.ron",
     "envs/storeys_2.ron",
     "envs/storeys_easy.ron",

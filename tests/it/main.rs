@@ -24,6 +24,7 @@ mod learners;
 mod learning;
 mod messages;
 mod page_numbers;
+mod predictors;
 mod published;
 mod recording;
 mod registration;

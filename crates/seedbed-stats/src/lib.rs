@@ -2,6 +2,7 @@
 
 pub mod aggregate;
 pub mod bootstrap;
+pub mod correlation;
 pub mod effect_test;
 pub mod family;
 pub mod improvement;

@@ -80,6 +80,9 @@ pub struct Study {
     /// What the report says of the size of teams.
     #[serde(default)]
     pub scaling: Option<Scaling>,
+    /// Which measures the report compares as predictors of an outcome.
+    #[serde(default)]
+    pub predictors: Option<Predictors>,
     /// Figures of the report.
     #[serde(default)]
     pub figures: Vec<Figure>,
@@ -109,6 +112,42 @@ pub struct Scaling {
     /// Parts of the names of cells that differ in diversity only: with it, and without.
     #[serde(default)]
     pub diversity: Vec<(Located<String>, Located<String>)>,
+}
+
+/// A table of the rank correlations of measures with an outcome, over the runs within cells and over cells.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Predictors {
+    /// The outcome, such as `EpisodesToFind`.
+    pub of: Located<Measure>,
+    /// Measures that may predict it, such as `At(of: TeamCoverage, episode: 25)`.
+    pub measures: Located<Vec<Located<Measure>>>,
+}
+
+impl Predictors {
+    /// The outcome and the measures.
+    pub fn all(&self) -> impl Iterator<Item = Measure> {
+        let measures = self.measures.iter();
+        std::iter::once(&self.of)
+            .chain(measures)
+            .map(|measure| **measure)
+    }
+
+    /// Checks that there are measures, and that none is the outcome.
+    fn check(&self) -> Result<(), ValidationError> {
+        if self.measures.is_empty() {
+            return Err(self.measures.error(
+                "expected at least one measure, such as `At(of: TeamCoverage, episode: 25)`",
+            ));
+        }
+        let mut measures = self.measures.iter();
+        match measures.find(|measure| ***measure == *self.of) {
+            Some(same) => {
+                Err(same.error("is the outcome itself; expected another measure than that of `of`"))
+            }
+            None => Ok(()),
+        }
+    }
 }
 
 impl Scaling {
@@ -447,6 +486,9 @@ impl Study {
         self.check_differences(cells)?;
         if let Some(scaling) = &self.scaling {
             scaling.check(cells)?;
+        }
+        if let Some(predictors) = &self.predictors {
+            predictors.check()?;
         }
         self.claims
             .iter()

@@ -8,6 +8,7 @@ pub mod comparison;
 pub mod completeness;
 pub mod cost;
 pub mod gate;
+pub mod prediction;
 pub mod published;
 mod read;
 pub mod results;

@@ -11,7 +11,7 @@ use crate::provenance::BuildId;
 use crate::study::FileError;
 use crate::study::design::cell::CellDescription;
 use crate::study::design::figure::{EpisodeWindow, Figure};
-use crate::study::design::file::{FIRST_REPORTING_SEED, Study};
+use crate::study::design::file::{FIRST_REPORTING_SEED, Predictors, Study};
 use crate::study::external::Unknown;
 use crate::study::store::Manifest;
 use seedbed_env::Quantity;
@@ -128,6 +128,8 @@ impl Results {
         let of_gate = exploration.map(|exploration| *exploration.measure);
         let scaling = self.study.scaling.iter();
         let of_scaling = scaling.map(|scaling| *scaling.measure);
+        let predictors = self.study.predictors.iter();
+        let of_predictors = predictors.flat_map(Predictors::all);
         let figures = self.study.figures.iter();
         let of_figures = figures.filter_map(|figure| figure.required_measure(main_measure));
         let mut measures: Vec<Measure> = Vec::new();
@@ -136,6 +138,7 @@ impl Results {
             .chain(of_figures)
             .chain(of_gate)
             .chain(of_scaling)
+            .chain(of_predictors)
             .chain([Measure::EpisodesToSolve])
         {
             if !measures.contains(&measure) {

@@ -101,10 +101,9 @@ fn gradient_steps(run: &RunResult) -> f64 {
     let last_episode = run.solved.map_or(u32::MAX, |solved| solved.episodes);
     let rounds = run.episodes_of_curve(Curve::GradientSteps);
     let steps = rounds.iter().zip(run.curve(Curve::GradientSteps));
-    steps
-        .filter(|(episodes, _)| **episodes <= last_episode)
-        .map(|(_, steps)| steps)
-        .sum()
+    let until_solved = steps.filter(|(episodes, _)| **episodes <= last_episode);
+    // `sum` of nothing is −0.
+    until_solved.fold(0.0, |sum, (_, steps)| sum + steps)
 }
 
 #[cfg(test)]
@@ -152,5 +151,7 @@ mod tests {
             ),
             (10.0, 50.0, 30.0)
         );
+        let without_networks = gradient_steps(&RunResult::default());
+        assert!(without_networks == 0.0 && without_networks.is_sign_positive());
     }
 }

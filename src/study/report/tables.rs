@@ -7,11 +7,13 @@ use crate::experiment::measure::Measure;
 use crate::study::design::file::Scaling;
 use crate::study::evaluate::comparison::{Aggregate, Comparison, Samples, summarize_scores};
 use crate::study::evaluate::cost::{Cost, costs};
+use crate::study::evaluate::prediction::{Prediction, predictions};
 use crate::study::evaluate::results::{CellResults, Results, default_horizon, earliest_end};
 use crate::study::evaluate::rules::Quantity;
 use crate::study::evaluate::scaling::{self, Method, Ratio, TeamSize};
 use crate::text::{markdown_cell, markdown_line};
 use seedbed_stats::Estimate;
+use seedbed_stats::correlation::Correlation;
 use seedbed_stats::shares::wilson_interval;
 
 /// A table of texts. The first column has names.
@@ -32,6 +34,7 @@ pub(super) fn all(results: &Results) -> Vec<Table> {
         .map(|measure| measure_table(results, **measure));
     let cost = std::iter::once(cost_table(results));
     cost.chain(scaling_tables(results))
+        .chain(predictors_table(results))
         .chain(measures)
         .chain(comparisons_table(results))
         .collect()
@@ -183,6 +186,52 @@ fn slopes_table(results: &Results, measure: Measure) -> Table {
         rows: slopes.iter().map(row).collect(),
         note: String::new(),
     }
+}
+
+/// How measures go with the outcome that the study asks for; `None` if it asks for none.
+fn predictors_table(results: &Results) -> Option<Table> {
+    let predictors = results.study.predictors.as_ref()?;
+    let correlation = |correlation: Option<Correlation>| {
+        correlation.map_or("–".to_owned(), |correlation| {
+            format::estimate(correlation.estimate)
+        })
+    };
+    let p_value = |p: Option<f64>| p.map_or("–".to_owned(), format::p_value);
+    let row = |prediction: &Prediction| {
+        vec![
+            prediction.measure.title(),
+            prediction
+                .over_runs
+                .map_or(0, |found| found.runs)
+                .to_string(),
+            correlation(prediction.over_runs),
+            p_value(prediction.corrected_p),
+            correlation(prediction.over_cells),
+            p_value(prediction.over_cells.map(|found| found.p)),
+        ]
+    };
+    let outcome = *predictors.of;
+    let sign = if outcome.is_time() {
+        "Negative correlations mean that larger values come with shorter times; times that were not reached are the longest. "
+    } else {
+        ""
+    };
+    Some(Table {
+        title: format!("Predictors of {}: rank correlations", outcome.title()),
+        head: vec![
+            "measure",
+            "runs",
+            "within cells (95 % interval)",
+            "p, corrected (Holm)",
+            "of the means of cells (95 % interval)",
+            "p",
+        ],
+        rows: predictions(results, predictors).iter().map(row).collect(),
+        note: format!(
+            "{sign}Within cells, runs are ranked in their cell, so that differences between cells do not count; cells in \
+             which all runs are equal are left out. p by 20 000 permutations."
+        ),
+    })
 }
 
 /// Table of one measure, with a summary of the runs of each cell.

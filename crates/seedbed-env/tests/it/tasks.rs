@@ -100,11 +100,8 @@ fn a_policy_that_knows_the_corridors_reaches_the_tip() {
         );
     }
     // A policy that keeps pushing as in the hub is pressed against a wall.
-    let straight = play("corridors", 20, &|_| vec![0.0, 1.0]);
-    assert!(
-        straight.iter().all(|(total, _)| *total == 0.0),
-        "{straight:?}"
-    );
+    let held = play("corridors", 20, &|_| vec![0.0, 1.0]);
+    assert!(held.iter().all(|(total, _)| *total == 0.0), "{held:?}");
 }
 
 /// Pushes along a diagonal, given by its unit vector times √2, and back to its middle.
@@ -335,6 +332,30 @@ fn plugs_can_be_pushed_away() {
                 "{name}: {stuck:?}"
             );
         }
+    }
+}
+
+/// A rod that is turned along its push is moved through the hooks. A constant push to any side sticks at the first bend.
+#[test]
+fn rods_can_be_turned_through_bends() {
+    let policy = |goal: u8| {
+        let push = in_corridor(goal, |s, _| through_hooks(s, 3.0));
+        move |s: &[f32]| {
+            let [push_x, push_y] = [push(s)[0], push(s)[1]];
+            let direction = 2.0 * push_y.atan2(push_x);
+            // sin of twice the angle from the rod to the push: half a turn is no difference.
+            let error = direction.sin() * s[4] - direction.cos() * s[5];
+            let turn = (2.0 * error - 0.5 * s[6]).clamp(-1.0, 1.0);
+            vec![push_x, push_y, turn]
+        }
+    };
+    assert_each_goal_can_be_reached("rods_3", 4, 215, |drawn, known| {
+        play_in_run("rods_3", drawn.into(), 5, &policy(known))
+    });
+    for side in 0..8_u8 {
+        let (y, x) = (f32::from(side) * std::f32::consts::FRAC_PI_4).sin_cos();
+        let pushed = play_in_run("rods_3", 0.0, 2, &|_| vec![x, y, 0.0]);
+        assert!(pushed.iter().all(|&(total, _)| total == 0.0), "{pushed:?}");
     }
 }
 
