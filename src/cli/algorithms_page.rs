@@ -21,10 +21,22 @@ What each fits with the defaults of its parameters; other values can exclude mor
 
 /// The page.
 pub(super) fn page() -> String {
+    let algorithms = Algorithm::catalog();
+    let common = common_parameters(&algorithms);
     let mut page = INTRODUCTION.to_owned() + &table_of_uses();
-    for info in Algorithm::catalog() {
+    for info in &algorithms {
         page += &format!("\n## {}\n\n{}\n", info.name, info.purpose);
-        page += &table(&info.parameters);
+        page += &table(&info.parameters, &common);
+    }
+    page += "\n## Parameters of several algorithms\n\nTheir defaults are in the tables above.\n";
+    page += "\n| Parameter | Algorithms | Meaning |\n|---|---|---|\n";
+    for parameter in &common {
+        let names = names_with(&algorithms, parameter).join(", ");
+        page += &format!(
+            "| {} | {names} | {} |\n",
+            code(&parameter.name),
+            meaning(parameter)
+        );
     }
     page += "\n## Tabular algorithms\n\n`algorithm:` in a tabular scenario.\n";
     page += "\n| Form | Meaning |\n|---|---|\n";
@@ -32,7 +44,7 @@ pub(super) fn page() -> String {
         page += &format!("| {} | {} |\n", code(&choice.form), cell(&choice.meaning));
     }
     page += "\n## Other fields of a scenario\n";
-    page += &table(&Scenario::catalog());
+    page += &table(&Scenario::catalog(), &[]);
     page
 }
 
@@ -57,24 +69,66 @@ fn table_of_uses() -> String {
     table
 }
 
-fn table(parameters: &[Parameter]) -> String {
+/// The parameters that are the same in several algorithms but for their defaults, each once.
+fn common_parameters(algorithms: &[AlgorithmInfo]) -> Vec<&Parameter> {
+    let all: Vec<&Parameter> = algorithms
+        .iter()
+        .flat_map(|info| &info.parameters)
+        .collect();
+    let mut common: Vec<&Parameter> = Vec::new();
+    for (index, parameter) in all.iter().enumerate() {
+        let is_repeated = all[index + 1..]
+            .iter()
+            .any(|other| are_same(parameter, other));
+        if is_repeated && !common.iter().any(|known| are_same(known, parameter)) {
+            common.push(parameter);
+        }
+    }
+    common
+}
+
+/// The names of the algorithms that have a parameter, as code.
+fn names_with(algorithms: &[AlgorithmInfo], parameter: &Parameter) -> Vec<String> {
+    let has_it = |info: &&AlgorithmInfo| {
+        let mut parameters = info.parameters.iter();
+        parameters.any(|other| are_same(parameter, other))
+    };
+    let with_it = algorithms.iter().filter(has_it);
+    with_it.map(|info| code(info.name)).collect()
+}
+
+/// Whether two parameters differ in nothing but their defaults.
+fn are_same(one: &Parameter, other: &Parameter) -> bool {
+    let with_same_default = Parameter {
+        default: one.default.clone(),
+        ..other.clone()
+    };
+    *one == with_same_default
+}
+
+/// Parameters that are among the `common` ones have a link to their meaning.
+fn table(parameters: &[Parameter], common: &[&Parameter]) -> String {
     let mut table = "\n| Parameter | Default | Meaning |\n|---|---|---|\n".to_owned();
     for parameter in parameters {
-        let choices: Vec<String> = parameter.choices.iter().map(choice).collect();
-        let expected = match parameter.expected.as_str() {
-            "" => String::new(),
-            expected => format!(" ({expected})"),
+        let meaning = if common.iter().any(|known| are_same(known, parameter)) {
+            "[below](#parameters-of-several-algorithms)".to_owned()
+        } else {
+            meaning(parameter)
         };
-        let meaning = format!("{}{expected}", parameter.meaning);
-        table += &format!(
-            "| {} | {} | {}{} |\n",
-            code(&parameter.name),
-            code(&parameter.default),
-            cell(&meaning),
-            choices.concat()
-        );
+        let (name, default) = (code(&parameter.name), code(&parameter.default));
+        table += &format!("| {name} | {default} | {meaning} |\n");
     }
     table
+}
+
+/// What a parameter means, what is expected, and its choices.
+fn meaning(parameter: &Parameter) -> String {
+    let choices: Vec<String> = parameter.choices.iter().map(choice).collect();
+    let expected = match parameter.expected.as_str() {
+        "" => String::new(),
+        expected => format!(" ({expected})"),
+    };
+    cell(&format!("{}{expected}", parameter.meaning)) + &choices.concat()
 }
 
 fn choice(choice: &Choice) -> String {

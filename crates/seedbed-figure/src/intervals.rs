@@ -30,11 +30,19 @@ pub struct IntervalRow {
     /// The interval; `None` if there are too few runs. An infinite end is an arrow to the edge of the
     /// plot.
     pub interval: Option<[f64; 2]>,
+    /// Values between minus this number and this number are of no interest, and shaded.
+    pub margin: Option<f64>,
     /// Number of runs.
     pub n: usize,
     /// Color.
     pub color: Color,
 }
+
+/// Color of a shaded margin, on white.
+const MARGIN_COLOR: Color = [226, 229, 238];
+
+/// Half of the height of a shaded margin.
+const MARGIN_HEIGHT: f64 = 9.0;
 
 /// Radius of a dot.
 const DOT_RADIUS: f64 = 4.0;
@@ -143,6 +151,7 @@ impl Intervals {
         self.draw_axis(&scale, &area, panel, svg);
         let row_height = area.height / self.rows.len().max(1) as f64;
         let lines = self.lines_of_names(arrangement, panel.width);
+        let mut heights = Vec::with_capacity(self.rows.len());
         for (index, (row, lines)) in self.rows.iter().zip(&lines).enumerate() {
             let top = area.y + row_height * index as f64;
             let y = match arrangement {
@@ -162,18 +171,38 @@ impl Intervals {
                     below + LINE_HEIGHT
                 }
             };
-            svg.clipped(&clip_area_with_dots(&area), |svg| {
-                row.draw(&scale, &area, y, svg);
-            });
+            row.draw_margin(&scale, y, svg);
+            heights.push(y);
         }
+        self.draw_reference(&scale, &area, svg);
+        svg.clipped(&clip_area_with_dots(&area), |svg| {
+            for (row, y) in self.rows.iter().zip(heights) {
+                row.draw(&scale, &area, y, svg);
+            }
+        });
     }
 
     fn range(&self) -> [f64; 2] {
-        let values = self
-            .rows
-            .iter()
-            .flat_map(|row| row.interval.into_iter().flatten().chain(row.estimate));
+        let values = self.rows.iter().flat_map(|row| {
+            let margin = row.margin.into_iter().flat_map(|margin| [-margin, margin]);
+            let interval = row.interval.into_iter().flatten();
+            interval.chain(row.estimate).chain(margin)
+        });
         padded(extent(values.chain(self.reference)))
+    }
+
+    fn draw_reference(&self, scale: &Scale, area: &Rect, svg: &mut SvgWriter) {
+        let Some(reference) = self.reference else {
+            return;
+        };
+        let x = scale.position(reference);
+        svg.line(
+            &[[x, area.y], [x, area.bottom()]],
+            Stroke {
+                dashed: true,
+                ..Stroke::new(MUTED_COLOR, 1.0)
+            },
+        );
     }
 
     fn draw_axis(&self, scale: &Scale, area: &Rect, panel: &Rect, svg: &mut SvgWriter) {
@@ -188,16 +217,6 @@ impl Intervals {
                 [x, area.bottom() + 14.0],
                 &text,
                 TextStyle::new(TICK_SIZE, Anchor::Middle).color(MUTED_COLOR),
-            );
-        }
-        if let Some(reference) = self.reference {
-            let x = scale.position(reference);
-            svg.line(
-                &[[x, area.y], [x, area.bottom()]],
-                Stroke {
-                    dashed: true,
-                    ..Stroke::new(MUTED_COLOR, 1.0)
-                },
             );
         }
         let label = fit_text(&self.x_label, panel.width, LABEL_SIZE, Weight::Regular);
@@ -273,6 +292,18 @@ impl IntervalRow {
         self.name.split('\n').map(str::to_owned)
     }
 
+    fn draw_margin(&self, scale: &Scale, y: f64, svg: &mut SvgWriter) {
+        let Some(margin) = self.margin else { return };
+        let [left, right] = [-margin, margin].map(|end| scale.position(end));
+        let shaded = Rect {
+            x: left,
+            y: y - MARGIN_HEIGHT,
+            width: right - left,
+            height: 2.0 * MARGIN_HEIGHT,
+        };
+        svg.rectangle(&shaded, MARGIN_COLOR, 1.0);
+    }
+
     fn draw(&self, scale: &Scale, area: &Rect, y: f64, svg: &mut SvgWriter) {
         if let Some([low, high]) = self.interval {
             // Position and, at an open end, direction of an arrow.
@@ -335,6 +366,7 @@ mod tests {
             name: String::new(),
             estimate,
             interval,
+            margin: None,
             n: 10,
             color: [0; 3],
         };
@@ -361,6 +393,7 @@ mod tests {
             name: "four agents that share\nall experience".to_owned(),
             estimate: Some(0.5),
             interval: Some([0.25, 0.75]),
+            margin: None,
             n: 10,
             color: [0; 3],
         };
@@ -388,6 +421,33 @@ mod tests {
         assert_eq!(wrapped("one two three", 60.0), ["one two", "three"]);
     }
 
+    /// The margin is shaded, and part of the plot even if the interval is far from it.
+    #[test]
+    fn margins_are_shaded() {
+        let row = IntervalRow {
+            name: String::new(),
+            estimate: Some(0.5),
+            interval: Some([0.4, 0.6]),
+            margin: Some(0.3),
+            n: 10,
+            color: [0; 3],
+        };
+        let panel = Intervals {
+            rows: vec![row.clone()],
+            ..Intervals::default()
+        };
+        let [low, high] = panel.range();
+        assert!(low <= -0.3 && high >= 0.6, "{low} {high}");
+        let mut svg = SvgWriter::default();
+        let scale = Scale::new([-0.5, 0.5], [0.0, 100.0]);
+        row.draw_margin(&scale, 10.0, &mut svg);
+        let drawn = svg.into_svg([100.0, 20.0], 1.0, "", "");
+        assert!(
+            drawn.contains(r#"x="20" y="1" width="60" height="18""#),
+            "{drawn}"
+        );
+    }
+
     /// A closed interval has two caps, which are vertical lines. At an open end there is the head of an
     /// arrow instead, whose tip is at the edge of the plot.
     #[test]
@@ -397,6 +457,7 @@ mod tests {
                 name: String::new(),
                 estimate: None,
                 interval: Some(interval),
+                margin: None,
                 n: 10,
                 color: [0; 3],
             };

@@ -363,6 +363,7 @@ mod tests {
             name: "a".to_owned(),
             estimate: Some(1.0),
             interval: Some([0.0, 2.0]),
+            margin: None,
             n: 5,
             color: [0; 3],
         };

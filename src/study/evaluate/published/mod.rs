@@ -168,7 +168,11 @@ impl PublishedRuns {
             let new = columns.get(name).and_then(|column| repeated.get(*column));
             // The run ended before the episode: earlier versions wrote its last value, which nobody reads.
             let is_unknown = of_an_episode.contains(name) && new == Some("");
-            is_unknown || new == published.get(*place)
+            // Earlier versions wrote the number of no gradient steps as −0.
+            let published = published
+                .get(*place)
+                .map(|text| if text == "-0.0" { "0.0" } else { text });
+            is_unknown || new == published
         })
     }
 

@@ -1,6 +1,7 @@
 //! The figure of claims: the effect of each with its interval (a forest plot).
 
 use crate::experiment::measure::Measure;
+use crate::study::design::file::Claim;
 use crate::study::evaluate::claims::ClaimResult;
 use crate::study::evaluate::results::Results;
 use crate::study::report::ReportFigure;
@@ -11,7 +12,8 @@ use seedbed_stats::Verdict;
 const LINE_LETTERS: usize = 44;
 
 const CAPTION: &str = "Differences that the claims are about, first cell minus second, each with the interval that decides: of \
-    exploratory comparisons the single 95 % interval. Dashed: no difference.";
+    exploratory comparisons the single 95 % interval. Dashed: no difference. Shaded: smaller than the smallest effect of \
+    interest.";
 
 /// One panel per measure; `None` if no claim has runs.
 pub(in crate::study::report) fn claims(
@@ -55,7 +57,7 @@ fn row_of_measure(
         .collect();
     let rows: Vec<IntervalRow> = of_measure
         .iter()
-        .filter_map(|(claim, claim_result)| interval_row(&claim.text, claim_result))
+        .filter_map(|(claim, claim_result)| interval_row(claim, claim_result))
         .collect();
     if rows.is_empty() {
         return None;
@@ -76,12 +78,13 @@ fn row_of_measure(
 }
 
 /// The effect of a claim; `None` without runs.
-fn interval_row(text: &str, claim_result: &ClaimResult) -> Option<IntervalRow> {
+fn interval_row(claim: &Claim, claim_result: &ClaimResult) -> Option<IntervalRow> {
     let comparison = claim_result.comparison?;
     Some(IntervalRow {
-        name: in_lines(text.trim_end_matches('.')),
+        name: in_lines(claim.text.trim_end_matches('.')),
         estimate: Some(comparison.effect.value),
         interval: claim_result.interval.ends(),
+        margin: Some(claim.smallest.get()),
         n: comparison.n[0].min(comparison.n[1]),
         color: color_of(claim_result.verdict),
     })

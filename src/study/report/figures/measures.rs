@@ -101,6 +101,7 @@ pub(super) fn intervals(
             name: group.name.clone(),
             estimate,
             interval,
+            margin: None,
             n,
             color: series_color(number),
         })
