@@ -6,6 +6,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::{CliError, NewArgs, NewKind};
 use seedbed::input_files::{self, Directory};
+use seedbed::scenario::{self, Scenario};
 use seedbed_env::gymnasium::{self, ADD_TIME_LIMIT, GymnasiumTask};
 use seedbed_input::InputError;
 
@@ -19,6 +20,15 @@ const GYMNASIUM: &str = "gymnasium:";
 
 /// Name of the task and of the scenario in a new workspace.
 const FIRST_NAME: &str = "short_pole";
+
+/// The claim in the template of a study.
+const CLAIM_ON_EPISODES: &str = r#"        (text: "Eight agents need fewer episodes of each agent than four.", source: "ours",
+            compare: ("K 8", "K 4"), direction: Less, smallest: 5, confirmatory: true, expected: Deviation(8)),"#;
+
+/// The claim for tasks without a threshold.
+const CLAIM_ON_RETURNS: &str = r#"        // smallest: the smallest difference in the return that matters to you.
+        (text: "Teams of eight agents have larger returns at the end than teams of four.", source: "ours",
+            compare: ("K 8", "K 4"), direction: More, smallest: 10, confirmatory: true),"#;
 
 /// A file that is to be written.
 struct NewFile {
@@ -74,8 +84,13 @@ pub(super) fn new(args: &NewArgs) -> Result<(), CliError> {
         }
         NewKind::Study => {
             let scenario = args.scenario.as_deref().unwrap_or("cartpole_team");
-            check_exists(scenario, Directory::Scenarios)?;
-            study(&nearest(Directory::Scenarios), &args.name, scenario)
+            let path = input_files::find_argument(Path::new(scenario), &[Directory::Scenarios])?;
+            let file = study(&nearest(Directory::Scenarios), &args.name, scenario);
+            if has_no_threshold(&path) {
+                with_returns(file)
+            } else {
+                file
+            }
         }
     };
     write_all(&[file])
@@ -179,6 +194,29 @@ fn study(folder: &Path, name: &str, scenario: &str) -> NewFile {
             .replace("{scenario}", scenario),
         path,
     }
+}
+
+/// Whether runs of a scenario can never count as solved. What is wrong with a scenario is told when the study is
+/// checked.
+fn has_no_threshold(path: &Path) -> bool {
+    let Ok(document) = input_files::read::<Scenario>(path) else {
+        return false;
+    };
+    let task = scenario::read_task(&document, path);
+    task.is_ok_and(|(task, _)| document.value.stop.threshold(task.spec()).is_none())
+}
+
+/// The study with a claim on returns in place of the one on episodes until the task is solved.
+fn with_returns(study: NewFile) -> NewFile {
+    let text = study
+        .text
+        .replace("EpisodesToSolve", "FinalReturn()")
+        .replace(
+            "Does a larger team learn faster?",
+            "Does a larger team learn more?",
+        )
+        .replace(CLAIM_ON_EPISODES, CLAIM_ON_RETURNS);
+    NewFile { text, ..study }
 }
 
 /// The nearest directory of this kind in the working directory or above it; one in the working

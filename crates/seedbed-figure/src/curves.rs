@@ -3,7 +3,7 @@
 use super::color::{Color, MUTED_COLOR};
 use super::legend::{self, Entry};
 use super::panel_axes::{PanelAxes, Plot, TICK_SIZE};
-use super::scale::{extent, padded, padded_ratio};
+use super::scale::{extent, padded, padded_ratio, with_minus_sign};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 use super::{Figure, Panel, Row};
 
@@ -34,6 +34,9 @@ pub struct Curves {
     /// of the panel if there is no such part.
     pub has_legend: bool,
 }
+
+/// Length of the longest axis with a tick at each whole number.
+const MAX_WHOLE: f64 = 6.0;
 
 /// One curve.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -176,14 +179,30 @@ impl Curves {
         drawable
     }
 
+    /// Ticks at all whole numbers of a short axis if its points are at whole numbers, such as episodes; empty
+    /// for round values.
+    fn ticks_of_x(&self) -> Vec<(f64, String)> {
+        let [low, high] = self.x_extent();
+        let mut points = self.series.iter().flat_map(|series| &series.points);
+        let are_whole = points.all(|[x, _]| x.fract() == 0.0);
+        if !self.x_ticks.is_empty() || self.x_logarithmic || !are_whole || high - low > MAX_WHOLE {
+            return self.x_ticks.clone();
+        }
+        let whole = low.ceil() as i64..=high.floor() as i64;
+        whole
+            .map(|x| (x as f64, with_minus_sign(&x.to_string())))
+            .collect()
+    }
+
     fn draw_drawable(&self, panel: &Rect, svg: &mut SvgWriter) {
+        let x_ticks = self.ticks_of_x();
         let axes = PanelAxes {
             title: &self.title,
             x_label: &self.x_label,
             y_label: &self.y_label,
             x_range: self.x_extent(),
             y_range: self.y_extent(),
-            x_ticks: &self.x_ticks,
+            x_ticks: &x_ticks,
             logarithmic: [self.x_logarithmic, self.y_logarithmic],
             has_grid: true,
         };
@@ -422,6 +441,27 @@ mod tests {
     use super::*;
 
     /// A single high point among 100,000 points is kept at its position.
+    /// Six episodes have ticks 0 to 5, not 0.5; longer axes, and points between whole numbers, have round values.
+    #[test]
+    fn few_whole_numbers_have_ticks_at_each() {
+        let ticks = |xs: &[f64]| {
+            let series = Series {
+                points: xs.iter().map(|&x| [x, 0.0]).collect(),
+                ..Series::default()
+            };
+            let curves = Curves {
+                series: vec![series],
+                ..Curves::default()
+            };
+            let labels: Vec<String> = curves.ticks_of_x().into_iter().map(|tick| tick.1).collect();
+            labels.join(" ")
+        };
+        assert_eq!(ticks(&[0.0, 1.0, 2.0]), "0 1 2");
+        assert_eq!(ticks(&[-1.0, 5.0]), "−1 0 1 2 3 4 5");
+        assert_eq!(ticks(&[0.0, 7.0]), "");
+        assert_eq!(ticks(&[0.0, 0.5, 1.0]), "");
+    }
+
     #[test]
     fn downsampling_keeps_outliers() {
         let mut points: Vec<[f64; 2]> = (0..100_000).map(|x| [f64::from(x), 0.0]).collect();

@@ -122,6 +122,20 @@ fn new_files_name_each_other() {
     }
 }
 
+/// The study of a task without a threshold is about returns, and valid as it is written.
+#[test]
+fn a_new_study_of_a_task_without_a_threshold_is_about_returns() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    successful_in(path, &["new", "scenario", "mine", "--env", "pendulum"]);
+    successful_in(path, &["new", "study", "sizes", "--scenario", "mine"]);
+    let printed = successful_in(path, &["check", "scenarios/sizes.ron"]);
+    assert!(printed.contains("study with 2 cells"), "{printed}");
+    let text = std::fs::read_to_string(path.join("scenarios/sizes.ron")).unwrap();
+    assert!(text.contains("measures: [FinalReturn(), ") && !text.contains("EpisodesToSolve"));
+    assert!(text.contains("have larger returns") && !text.contains("fewer episodes"));
+}
+
 /// A scenario that is built in runs by name in any folder, and its stored settings repeat it.
 #[test]
 fn built_in_scenarios_run_by_name() {
