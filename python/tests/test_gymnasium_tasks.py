@@ -288,6 +288,26 @@ class TestFaults:
         refused = call(program, "run", path, "--out", "run", "--resume", status=2).stderr
         assert "the Python file of `awkward` has changed" in refused
 
+    def test_a_study_repeats_runs_after_a_change_in_a_package(self, lab: Path, program: str) -> None:
+        """Also if the changed file is not the one that has the environment. One argument of it is varied."""
+        package = lab / "shop"
+        package.mkdir()
+        shutil.copy(lab / "foreign.py", package / "foreign.py")
+        (package / "floor.py").write_text("")
+        (package / "__init__.py").write_text("from . import floor\nfrom .foreign import Awkward as Shop\n")
+        scenario(lab, 'Gymnasium(id: "shop:Shop", kwargs: {"size": 2.5}, time_limit: 30)')
+        grid = '(name: "size", set: ["environment.kwargs.size={}"], values: ["2.5", "3.5"])'
+        (lab / "sizes.ron").write_text(f'Study(title: "x", scenario: "mine.ron", grid: [{grid}], repeats: 2, measures: [Coverage])')
+
+        def runs_left() -> str:
+            output = call(program, "study", "sizes.ron", "--out", "out")
+            return (output.stdout + output.stderr).partition("runs each, ")[2].partition(" to run")[0]
+
+        assert [runs_left(), runs_left()] == ["4", "0"]
+        (package / "floor.py").write_text("# changed\n")
+        assert "runs       4 to run" in call(program, "study", "list", "sizes.ron", "--out", "out").stderr
+        assert runs_left() == "4"
+
     def test_other_versions_are_refused_unless_insisted(self, lab: Path, program: str) -> None:
         path = scenario(lab, CARTPOLE)
         call(program, "run", path, "--out", "run", "--abort-after-rounds", "2", status=-signal.SIGABRT)

@@ -31,9 +31,9 @@ use crate::scenario::recording::RecordingSettings;
 use crate::scenario::{Scenario, Schedule, TaskReference};
 use crate::text::pluralize;
 use seedbed_env::TaskSpec;
-use seedbed_env::gymnasium::check_start;
+use seedbed_env::gymnasium::{GymnasiumTask, check_start};
 use seedbed_input::numbers::{ranged_count, ranged_number};
-use seedbed_input::{Located, limits};
+use seedbed_input::{FORMER_NAMES, Located, limits};
 use seedbed_learn::agent::bonus::{Bonus, PaidFor};
 use seedbed_learn::algorithms::RandomActions;
 use seedbed_settings::Settings;
@@ -152,6 +152,19 @@ impl Experiment for Plan {
         let scenario = with_defaults_except_for_learning(self.scenario.clone(), 0);
         let task = task_settings(&self.environment_text);
         seedbed_input::settings_of::<Scenario>(&scenario.resolved()).with("task", task)
+    }
+
+    /// With the checksum of a package of the user's, which is no setting, but changes runs.
+    fn digest(&self) -> String {
+        let task = self.description.gymnasium();
+        let files = task.and_then(GymnasiumTask::package_files);
+        let files = files.and_then(|files| Settings::of(&format!("{files:?}")).ok());
+        let settings = self.settings();
+        let settings = match files {
+            Some(files) => settings.with("task.files", files),
+            None => settings,
+        };
+        settings.digest(&FORMER_NAMES)
     }
 
     fn learning_cost(&self) -> f64 {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::description::{BodyTask, Collider, Joint, JointKind};
+use super::description::{BodyTask, Collider, Drive, Joint, JointKind};
 use super::inertia::{distance, moved_inertia, moving_parts};
 use super::physics::depth;
 use seedbed_input::numbers::readable;
@@ -14,6 +14,7 @@ pub(super) fn warnings(task: &BodyTask) -> Vec<String> {
         .clone()
         .filter_map(|joint| mass_ratio(joint, task))
         .collect();
+    warnings.extend(servos_on_chains(task));
     warnings.extend(joints.clone().filter_map(|joint| swing(joint, task)));
     warnings.extend(
         joints
@@ -110,6 +111,46 @@ fn mass_ratio(joint: &Joint, task: &BodyTask) -> Option<String> {
             "joint `{}` holds {ratio:.0} times the mass of body `{}`: with this solver joints yield from a ratio of \
              {max:.0} on (a double pendulum is off by 0.06 rad after 1 s at 3 times that); {help}",
             joint.name, parent.name
+        )
+    })
+}
+
+/// Passes with four substeps that a servo on a joint between two bodies needs, however light the body is that it
+/// moves. It is measured in a load on a winch that hangs on a light arm (`tests/it/limits.rs`): with `passes: 1`
+/// it falls 3.7 to 14 times too fast; with `passes: 4` at most 5 % too fast up to half the mass of the arm,
+/// with `passes: 16` 8 % at five times its mass. Sixteen times as many substeps count like 2.5 times as many passes.
+const SERVO_PASSES: f64 = 4.0;
+
+/// Further passes for each multiple of the parent's mass that hangs on the servo.
+const SERVO_PASSES_PER_RATIO: f64 = 3.2;
+
+/// Servos on joints between two bodies that hardly hold, in tasks without contacts.
+fn servos_on_chains(task: &BodyTask) -> Vec<String> {
+    let servos = task
+        .actuators
+        .iter()
+        .filter_map(|actuator| match actuator.drive {
+            Drive::Servo(servo) => Some((&actuator.name, &task.joints[servo.joint])),
+            _ => None,
+        });
+    let warnings = servos.filter_map(|(name, joint)| servo_on_chain(name, joint, task));
+    warnings.collect()
+}
+
+fn servo_on_chain(name: &str, joint: &Joint, task: &BodyTask) -> Option<String> {
+    let parent = &task.bodies[joint.parent?];
+    let (moving, _) = moving_parts(joint, task);
+    let ratio = moving.mass / parent.inertial.mass;
+    let needed = SERVO_PASSES.max(SERVO_PASSES_PER_RATIO * ratio);
+    let substeps = f64::from(task.solver.substeps) / USUAL_SUBSTEPS;
+    let passes = f64::from(task.solver.solver_iterations) * substeps.cbrt();
+    (passes < needed && !task.needs_own_worlds()).then(|| {
+        let needed = (needed / substeps.cbrt()).ceil();
+        format!(
+            "servo `{name}` hardly holds joint `{}` between two bodies: a load on it falls several times too fast, and \
+             passes the ends of its range; expected `solver: (passes: {needed}, …)` or more, or a collider in the task, with \
+             which joints are exact",
+            joint.name
         )
     })
 }

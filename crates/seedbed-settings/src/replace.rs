@@ -1,6 +1,6 @@
 //! Replaces values in RON texts by their paths, as `--set` does.
 
-use super::tree::{Malformed, Node, Tree};
+use super::tree::{Malformed, Node, Tree, Value};
 
 /// A path that names no field.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,10 +31,26 @@ pub fn opening<'a>(text: &'a str, path: &str) -> Option<&'a str> {
 /// If the text is no RON.
 pub fn replace(text: &str, path: &str, value: &str) -> Result<String, UnknownField> {
     let tree = Tree::parse(text).unwrap_or_else(|error: Malformed| panic!("{error} of {text}"));
-    let place = find(&tree.root, path)?.place.clone();
     let mut replaced = text.to_owned();
-    replaced.replace_range(place, value);
+    match find(&tree.root, path) {
+        Ok(node) => replaced.replace_range(node.place.clone(), value),
+        Err(unknown) => add_key(&tree.root, path, value, &mut replaced).ok_or(unknown)?,
+    }
     Ok(replaced)
+}
+
+/// Adds the last name of `path` as a key to a map with a value; `None` if what is before it is no map.
+fn add_key(root: &Node<'_>, path: &str, value: &str, text: &mut String) -> Option<()> {
+    let (parent, key) = path.rsplit_once('.')?;
+    let map = find(root, parent).ok()?;
+    let Value::Map(entries) = &map.value else {
+        return None;
+    };
+    match entries.last() {
+        Some((_, last)) => text.insert_str(last.place.end, &format!(", {key:?}: {value}")),
+        None => text.replace_range(map.place.clone(), &format!("{{{key:?}: {value}}}")),
+    }
+    Some(())
 }
 
 /// The value of the field at `path`.
@@ -43,6 +59,8 @@ fn find<'n, 'a>(root: &'n Node<'a>, path: &str) -> Result<&'n Node<'a>, UnknownF
     for name in path.split('.') {
         if let Some(field) = node.fields().iter().find(|field| field.name == name) {
             node = &field.value;
+        } else if let Some(value) = value_of_key(node, name) {
+            node = value;
         } else if node.name() != Some(name) {
             return Err(UnknownField {
                 name: name.to_owned(),
@@ -55,6 +73,16 @@ fn find<'n, 'a>(root: &'n Node<'a>, path: &str) -> Result<&'n Node<'a>, UnknownF
         }
     }
     Ok(node)
+}
+
+/// The value of a key, if a node is a map with keys that are texts.
+fn value_of_key<'n, 'a>(node: &'n Node<'a>, key: &str) -> Option<&'n Node<'a>> {
+    let Value::Map(entries) = &node.value else {
+        return None;
+    };
+    let mut entries = entries.iter();
+    let found = entries.find(|(other, _)| matches!(&other.value, Value::Text(text) if text == key));
+    found.map(|(_, value)| value)
 }
 
 #[cfg(test)]
@@ -76,6 +104,33 @@ mod tests {
             let expected = TEXT.replacen(before, after, 1);
             assert_eq!(replace(TEXT, path, "9").unwrap(), expected, "{path}");
         }
+    }
+
+    /// Keys of maps are parts of paths, too; others are added.
+    #[test]
+    fn one_key_of_a_map_is_replaced() {
+        let text = "Task(kwargs: {\"noise\": 0.1, \"size\": (a: 1)}, more: {})";
+        for (path, expected) in [
+            (
+                "kwargs.noise",
+                "Task(kwargs: {\"noise\": 9, \"size\": (a: 1)}, more: {})",
+            ),
+            (
+                "kwargs.size.a",
+                "Task(kwargs: {\"noise\": 0.1, \"size\": (a: 9)}, more: {})",
+            ),
+            (
+                "kwargs.speed",
+                "Task(kwargs: {\"noise\": 0.1, \"size\": (a: 1), \"speed\": 9}, more: {})",
+            ),
+            (
+                "more.speed",
+                "Task(kwargs: {\"noise\": 0.1, \"size\": (a: 1)}, more: {\"speed\": 9})",
+            ),
+        ] {
+            assert_eq!(replace(text, path, "9").unwrap(), expected, "{path}");
+        }
+        assert_eq!(replace(text, "kwargs.noise.x", "9").unwrap_err().name, "x");
     }
 
     #[test]

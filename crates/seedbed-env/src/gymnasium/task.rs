@@ -122,6 +122,15 @@ impl GymnasiumTask {
         ))
     }
 
+    /// The checksum of the files of a package that is not installed and may change at any time, if the environment is
+    /// of one.
+    #[must_use]
+    pub fn package_files(&self) -> Option<&str> {
+        let mut versions = self.found().versions.values();
+        let files = versions.find(|version| version.starts_with("files "));
+        files.map(String::as_str)
+    }
+
     /// How the versions of Python and its packages differ from those with which the task was read; `None` if
     /// they are the same.
     ///

@@ -104,6 +104,60 @@ fn large_ratios_of_masses_are_reported_with_what_mends_them() {
     );
 }
 
+/// A load of 1 kg slips at m g/kv = 0.0981 m/s from a winch that stands still, on an arm of this mass.
+fn winch(arm: f64, solver: &str, further: &str) -> BodyTask {
+    let text = format!(
+        r#"Environment(
+            description: "A test.", gravity: (0.0, -9.81), control_step: 0.1, time_limit: 100, solver: {solver}, {further}
+            bodies: [
+                (name: "arm", mass: {arm}, inertia: 0.1),
+                (name: "load", mass: 1.0, inertia: 0.1, position: (0.0, -1.0)),
+            ],
+            joints: [
+                (name: "swing", parent: "world", child: "arm", type: Hinge()),
+                (name: "hoist", parent: "arm", child: "load", type: Slide(axis: (0.0, 1.0))),
+            ],
+            actuators: [(name: "winch", type: VelocityServo(joint: "hoist", kv: 100.0), control: Continuous(-0.5, 0.5))],
+            sensors: [(name: "drop", type: JointPosition("hoist"))],
+            observations: [(name: "drop", range: (-9.0, 9.0))],
+            reward: "0",
+        )"#
+    );
+    parse_bodies("winch", text)
+}
+
+/// Where servos of bodies that hang on each other do not hold, a warning says how many passes do.
+#[test]
+fn servos_on_chains_are_reported_with_what_mends_them() {
+    let slip = |task: &BodyTask| {
+        let mut bodies = build_dynamics(task, Physics::Rapier, 1).unwrap();
+        bodies.start(0, &[0.0, 0.0], &[0.0, 0.0]);
+        (0..10).for_each(|_| bodies.step(&[0.0]));
+        f64::from(bodies.coordinates().get(1, 0).0) / -0.0981
+    };
+    for (arm, passes, mended_passes) in [(0.2, 1, 16), (10.0, 1, 4)] {
+        let usual = winch(arm, &format!("(iterations: 4, passes: {passes})"), "");
+        assert!(slip(&usual) > 3.0, "{}", slip(&usual));
+        let expected = format!(
+            "servo `winch` hardly holds joint `hoist` between two bodies: a load on it falls several times too fast, and \
+             passes the ends of its range; expected `solver: (passes: {mended_passes}, …)` or more, or a collider in the \
+             task, with which joints are exact"
+        );
+        assert_eq!(physics_warnings(&usual.into(), Physics::Rapier), [expected]);
+        let mended = winch(
+            arm,
+            &format!("(iterations: 4, passes: {mended_passes})"),
+            "",
+        );
+        assert!((0.95..1.15).contains(&slip(&mended)), "{}", slip(&mended));
+        assert_eq!(physics_warnings(&mended.into(), Physics::Rapier), [""; 0]);
+    }
+    let collider = "colliders: [(geom: Ball(center: (90.0, 0.0), radius: 1.0))],";
+    let exact = winch(0.2, "(iterations: 4)", collider);
+    assert!((0.95..1.05).contains(&slip(&exact)), "{}", slip(&exact));
+    assert_eq!(physics_warnings(&exact.into(), Physics::Rapier), [""; 0]);
+}
+
 /// Bodies with moments of inertia of 1e-7 m r² move as points do; smaller ones are lost beside the mass. The
 /// reference is the same task with joints of multibodies, whose accelerations do not depend on them. There is
 /// also where a copy goes on whose bodies turn too fast, so that 1e-12 does no harm here.
