@@ -23,10 +23,6 @@ def hooks(count: int) -> str:
         count,
         HOOKS,
         description=f"Find the one of four corridors with {plural(count, 'hook')} that ends in a reward; each run draws it.",
-        iterations=2,
-        steps=60 + 40 * (count + 1),
-        walls=on_four_sides(walls_of_arm(count)),
-        reach=f"{max(6, 2 * count + 0.5):g}",
     )
 
 
@@ -55,10 +51,6 @@ def rods(count: int) -> str:
         count,
         RODS,
         description=f"Turn a rod through the bends of the one of four corridors with {plural(count, 'hook')} that ends in a reward; each run draws it.",
-        iterations=2,
-        steps=60 + 40 * (count + 1),
-        walls=on_four_sides(walls_of_arm(count)),
-        reach=f"{max(6, 2 * count + 0.5):g}",
         goal=end_of_arm(count, depth=1.0),
         name="rod",
         body=ROD,
@@ -73,8 +65,18 @@ def rods(count: int) -> str:
 def corridors(count: int, about: str, **parts: object) -> str:
     """With a puck, and without blocks, unless `parts` have others."""
     nothing = dict.fromkeys(("blocks", "joints", "places", "seen", "pushes", "starts"), "")
-    parts = {**nothing, "goal": end_of_arm(count), "name": "puck", "body": PUCK, "start": "0.3", **parts}
-    return filled(CORRIDORS, about=filled(about, count=plural(count, "hook")), **parts)
+    usual: dict[str, object] = {
+        "iterations": 2,
+        "steps": 60 + 40 * (count + 1),
+        "walls": on_four_sides(walls_of_arm(count)),
+        "reach": f"{max(6, 2 * count + 0.5):g}",
+        "goal": end_of_arm(count),
+        "name": "puck",
+        "body": PUCK,
+        "start": "0.3",
+    }
+    about = filled(about, count=plural(count, "hook"))
+    return filled(CORRIDORS, about=about, **{**nothing, **usual, **parts})
 
 
 def of_each_block(line: str) -> str:

@@ -21,14 +21,29 @@ const GYMNASIUM: &str = "gymnasium:";
 /// Name of the task and of the scenario in a new workspace.
 const FIRST_NAME: &str = "short_pole";
 
-/// The claim in the template of a study.
-const CLAIM_ON_EPISODES: &str = r#"        (text: "Eight agents need fewer episodes of each agent than four.", source: "ours",
-            compare: ("K 8", "K 4"), direction: Less, smallest: 5, confirmatory: true, expected: Deviation(8)),"#;
+/// What a new study is about.
+struct StudySubject {
+    title: &'static str,
+    measure: &'static str,
+    claim: &'static str,
+}
 
-/// The claim for tasks without a threshold.
-const CLAIM_ON_RETURNS: &str = r#"        // smallest: the smallest difference in the return that matters to you.
+/// For tasks with a threshold.
+const EPISODES: StudySubject = StudySubject {
+    title: "Does a larger team learn faster?",
+    measure: "EpisodesToSolve",
+    claim: r#"        (text: "Eight agents need fewer episodes of each agent than four.", source: "ours",
+            compare: ("K 8", "K 4"), direction: Less, smallest: 5, confirmatory: true, expected: Deviation(8)),"#,
+};
+
+/// For tasks without a threshold.
+const RETURNS: StudySubject = StudySubject {
+    title: "Does a larger team learn more?",
+    measure: "FinalReturn()",
+    claim: r#"        // smallest: the smallest difference in the return that matters to you.
         (text: "Teams of eight agents have larger returns at the end than teams of four.", source: "ours",
-            compare: ("K 8", "K 4"), direction: More, smallest: 10, confirmatory: true),"#;
+            compare: ("K 8", "K 4"), direction: More, smallest: 10, confirmatory: true),"#,
+};
 
 /// A file that is to be written.
 struct NewFile {
@@ -46,7 +61,12 @@ pub(super) fn init(folder: &Path) -> Result<(), CliError> {
             FIRST_NAME,
             &format!("{FIRST_NAME:?}"),
         ),
-        study(&folder.join("scenarios"), "team_size", FIRST_NAME),
+        study(
+            &folder.join("scenarios"),
+            "team_size",
+            FIRST_NAME,
+            &EPISODES,
+        ),
         NewFile {
             path: folder.join("README.md"),
             text: README.replace("{name}", FIRST_NAME),
@@ -85,12 +105,17 @@ pub(super) fn new(args: &NewArgs) -> Result<(), CliError> {
         NewKind::Study => {
             let scenario = args.scenario.as_deref().unwrap_or("cartpole_team");
             let path = input_files::find_argument(Path::new(scenario), &[Directory::Scenarios])?;
-            let file = study(&nearest(Directory::Scenarios), &args.name, scenario);
-            if has_no_threshold(&path) {
-                with_returns(file)
+            let subject = if has_no_threshold(&path) {
+                RETURNS
             } else {
-                file
-            }
+                EPISODES
+            };
+            study(
+                &nearest(Directory::Scenarios),
+                &args.name,
+                scenario,
+                &subject,
+            )
         }
     };
     write_all(&[file])
@@ -186,12 +211,15 @@ fn scenario(folder: &Path, name: &str, environment: &str) -> NewFile {
     }
 }
 
-fn study(folder: &Path, name: &str, scenario: &str) -> NewFile {
+fn study(folder: &Path, name: &str, scenario: &str, subject: &StudySubject) -> NewFile {
     let path = folder.join(format!("{name}.ron"));
     NewFile {
         text: STUDY
             .replace("{path}", &format!("scenarios/{name}.ron"))
-            .replace("{scenario}", scenario),
+            .replace("{scenario}", scenario)
+            .replace("{title}", subject.title)
+            .replace("{measure}", subject.measure)
+            .replace("{claim}", subject.claim),
         path,
     }
 }
@@ -204,19 +232,6 @@ fn has_no_threshold(path: &Path) -> bool {
     };
     let task = scenario::read_task(&document, path);
     task.is_ok_and(|(task, _)| document.value.stop.threshold(task.spec()).is_none())
-}
-
-/// The study with a claim on returns in place of the one on episodes until the task is solved.
-fn with_returns(study: NewFile) -> NewFile {
-    let text = study
-        .text
-        .replace("EpisodesToSolve", "FinalReturn()")
-        .replace(
-            "Does a larger team learn faster?",
-            "Does a larger team learn more?",
-        )
-        .replace(CLAIM_ON_EPISODES, CLAIM_ON_RETURNS);
-    NewFile { text, ..study }
 }
 
 /// The nearest directory of this kind in the working directory or above it; one in the working

@@ -33,7 +33,7 @@ use crate::text::pluralize;
 use seedbed_env::TaskSpec;
 use seedbed_env::gymnasium::{GymnasiumTask, check_start};
 use seedbed_input::numbers::{ranged_count, ranged_number};
-use seedbed_input::{FORMER_NAMES, Located, limits};
+use seedbed_input::{Located, limits};
 use seedbed_learn::agent::bonus::{Bonus, PaidFor};
 use seedbed_learn::algorithms::RandomActions;
 use seedbed_settings::Settings;
@@ -51,6 +51,11 @@ fn task_settings(text: &str) -> Settings {
     let settings = seedbed_env::task_settings(text);
     known().insert(text.to_owned(), settings.clone());
     settings
+}
+
+/// A text as a setting.
+fn text_setting(text: &str) -> Settings {
+    Settings::of(&format!("{text:?}")).expect("a text in quotes is RON")
 }
 
 impl Experiment for Plan {
@@ -151,20 +156,13 @@ impl Experiment for Plan {
     fn settings(&self) -> Settings {
         let scenario = with_defaults_except_for_learning(self.scenario.clone(), 0);
         let task = task_settings(&self.environment_text);
-        seedbed_input::settings_of::<Scenario>(&scenario.resolved()).with("task", task)
-    }
-
-    /// With the checksum of a package of the user's, which is no setting, but changes runs.
-    fn digest(&self) -> String {
+        let settings =
+            seedbed_input::settings_of::<Scenario>(&scenario.resolved()).with("task", task);
         let task = self.description.gymnasium();
-        let files = task.and_then(GymnasiumTask::package_files);
-        let files = files.and_then(|files| Settings::of(&format!("{files:?}")).ok());
-        let settings = self.settings();
-        let settings = match files {
-            Some(files) => settings.with("task.files", files),
+        match task.and_then(GymnasiumTask::package_files) {
+            Some(files) => settings.with("task.files", text_setting(files)),
             None => settings,
-        };
-        settings.digest(&FORMER_NAMES)
+        }
     }
 
     fn learning_cost(&self) -> f64 {

@@ -440,7 +440,6 @@ mod tests {
     use super::super::scale::Scale;
     use super::*;
 
-    /// A single high point among 100,000 points is kept at its position.
     /// Six episodes have ticks 0 to 5, not 0.5; longer axes, and points between whole numbers, have round values.
     #[test]
     fn few_whole_numbers_have_ticks_at_each() {
@@ -462,6 +461,7 @@ mod tests {
         assert_eq!(ticks(&[0.0, 0.5, 1.0]), "");
     }
 
+    /// A single high point among 100,000 points is kept at its position.
     #[test]
     fn downsampling_keeps_outliers() {
         let mut points: Vec<[f64; 2]> = (0..100_000).map(|x| [f64::from(x), 0.0]).collect();

@@ -22,7 +22,7 @@ pub fn opening<'a>(text: &'a str, path: &str) -> Option<&'a str> {
 }
 
 /// Replaces the value of the field at `path`, such as `agents.count`, in a text; the rest stays. Names of variants may
-/// be part of the path or left out.
+/// be part of the path or left out. Keys of maps are names, too; a new one is added.
 ///
 /// # Errors
 /// There is no such field.

@@ -19,7 +19,7 @@ use super::Estimate;
 use super::bootstrap::stratified_bootstrap_estimate;
 
 /// Number of random permutations, beside the data themselves, of a p-value.
-const PERMUTATIONS: u32 = 20_000;
+pub const PERMUTATIONS: u32 = 20_000;
 
 /// A rank correlation, and how likely one as far from 0 is without any relation.
 #[derive(Clone, Copy, Debug, PartialEq)]

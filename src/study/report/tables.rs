@@ -13,7 +13,7 @@ use crate::study::evaluate::rules::Quantity;
 use crate::study::evaluate::scaling::{self, Method, Ratio, TeamSize};
 use crate::text::{markdown_cell, markdown_line};
 use seedbed_stats::Estimate;
-use seedbed_stats::correlation::Correlation;
+use seedbed_stats::correlation::{Correlation, PERMUTATIONS};
 use seedbed_stats::shares::wilson_interval;
 
 /// A table of texts. The first column has names.
@@ -229,7 +229,7 @@ fn predictors_table(results: &Results) -> Option<Table> {
         rows: predictions(results, predictors).iter().map(row).collect(),
         note: format!(
             "{sign}Within cells, runs are ranked in their cell, so that differences between cells do not count; cells in \
-             which all runs are equal are left out. p by 20 000 permutations."
+             which all runs are equal are left out. p by {PERMUTATIONS} permutations."
         ),
     })
 }

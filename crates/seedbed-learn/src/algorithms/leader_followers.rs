@@ -218,10 +218,10 @@ fn entropy_weight(largest: NonNegative, agent: u32, agents: u32) -> NonNegative 
 mod tests {
     use super::*;
     use crate::agent::TeamConfig;
-    use crate::algorithms::seed_pg::tests::{episode_with_rewards, spec};
+    use crate::algorithms::seed_pg::tests::{build_team, episode_with_rewards, learn_in_round};
     use crate::experience::Episode;
     use crate::seed::RewardSeeds;
-    use crate::team::{AgentUpdate, Learner, LearningRequest, LearningTiming, Workers};
+    use crate::team::AgentUpdate;
 
     /// K = 5, σ = 0.4: weights 0, 0.1, 0.2, 0.3, 0.4. A single agent leads.
     #[test]
@@ -259,31 +259,12 @@ mod tests {
             .into(),
             ..TeamConfig::default()
         };
-        let mut team = config.build(&TeamContext {
-            run_seed: 1,
-            config: &team,
-            local_agents: None,
-            spec: &spec(),
-            timing: LearningTiming::AfterEpisodes,
-            record_advantages: false,
-        });
+        let mut team = build_team(config, &team, None);
         let episodes: Vec<Episode> = (0..)
             .zip(phases)
             .map(|(k, phase)| episode_with_rewards(k, phase))
             .collect();
-        let learners: Vec<Learner> = (0..3)
-            .map(|agent| Learner {
-                agent,
-                first_new_episode: 0,
-                earlier_updates: 0,
-            })
-            .collect();
-        let request = LearningRequest {
-            episodes: &episodes,
-            lengths: &[6; 3],
-            learners: &learners,
-        };
-        let updates = team.learn(&request, Workers::CURRENT_THREAD);
+        let updates = learn_in_round(&mut *team, 0..3, (&episodes, &[6; 3]), 0);
         let tensors = team.tensors();
         let parameters = |agent: u32| {
             let own = tensors

@@ -1,7 +1,8 @@
 //! Teams of agents that each have their own networks.
 
 use super::{
-    ActionRequest, AgentUpdate, Learner, LearningRequest, SavedTeam, Team, TeamContext, Workers,
+    ActionRequest, AgentUpdate, HasBonusModel, Learner, LearningRequest, SavedTeam, Team,
+    TeamContext, Workers, copy_shared_bonus_model,
 };
 use crate::agent::bonus::{BonusModel, SHARED_OWNER};
 use crate::agent::{ActScratch, Agent, AgentContext};
@@ -59,22 +60,16 @@ impl IndependentLearners {
             .filter(|_| self.first_agent == 0)
             .map(|agent| &**agent)
     }
+}
 
-    /// Copies the bonus model that agent 0 has trained to the other local agents; returns whether
-    /// there is such a model.
-    fn copy_shared_bonus_model(&mut self, workers: Workers<'_>) -> bool {
-        let Some((first, others)) = self.agents.split_first_mut() else {
-            return false;
-        };
-        let Some(trained) = first.shared_bonus_model() else {
-            return false;
-        };
-        workers.for_each(others, |agent| {
-            if let Some(model) = agent.shared_bonus_model_mut() {
-                model.copy_learned(trained);
-            }
-        });
-        true
+/// The bonus model, if the team shares it.
+impl HasBonusModel for Box<dyn Agent> {
+    fn bonus_model(&self) -> Option<&BonusModel> {
+        self.shared_bonus_model()
+    }
+
+    fn bonus_model_mut(&mut self) -> Option<&mut BonusModel> {
+        self.shared_bonus_model_mut()
     }
 }
 
@@ -142,7 +137,7 @@ impl Team for IndependentLearners {
             update: agent.update(&learner.experience(request)),
             is_finite: agent.is_finite(),
         });
-        if self.first_agent == 0 && self.copy_shared_bonus_model(workers) {
+        if self.first_agent == 0 && copy_shared_bonus_model(&mut self.agents, workers) {
             let trained = updates[0].update.report.prediction_error;
             for update in &mut updates {
                 update.update.report.prediction_error = trained;
@@ -175,7 +170,7 @@ impl Team for IndependentLearners {
         let model = self.agents.first_mut();
         let model = model.and_then(|agent| agent.shared_bonus_model_mut());
         model.map_or(Ok(()), |model| BonusModel::restore_model(model, bytes))?;
-        self.copy_shared_bonus_model(workers);
+        copy_shared_bonus_model(&mut self.agents, workers);
         Ok(())
     }
 

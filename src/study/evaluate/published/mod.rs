@@ -168,11 +168,8 @@ impl PublishedRuns {
             let new = columns.get(name).and_then(|column| repeated.get(*column));
             // The run ended before the episode: earlier versions wrote its last value, which nobody reads.
             let is_unknown = of_an_episode.contains(name) && new == Some("");
-            // Earlier versions wrote the number of no gradient steps as −0.
-            let published = published
-                .get(*place)
-                .map(|text| if text == "-0.0" { "0.0" } else { text });
-            is_unknown || new == published
+            is_unknown
+                || new.map(without_sign_of_zero) == published.get(*place).map(without_sign_of_zero)
         })
     }
 
@@ -226,6 +223,11 @@ impl ExpectedResults for PublishedRuns {
     fn location(&self, _: &PlannedRun<'_>) -> PathBuf {
         self.folder.clone()
     }
+}
+
+/// The text of a number, with −0 as 0: earlier versions wrote the number of no gradient steps as −0.
+fn without_sign_of_zero(text: &str) -> &str {
+    if text == "-0.0" { "0.0" } else { text }
 }
 
 /// The places of the columns by their names, and the rows.

@@ -5,11 +5,15 @@ mod shared_networks;
 mod sharing;
 mod updates;
 
+use std::ops::Range;
+
 use super::config::*;
 use super::*;
 use crate::agent::TeamConfig;
+use crate::algorithms::AlgorithmConfig;
 use crate::scaling::ObservationScaling;
 use crate::seed::RewardSeeds;
+use crate::team::{AgentUpdate, Learner, LearningRequest, LearningTiming, Workers};
 use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
 use seedbed_input::numbers::{ranged_count, ranged_number};
 
@@ -49,6 +53,43 @@ fn agent(config: &SeedPg, number: u32, sigma: f64) -> SeedPgAgent {
             record_advantages: false,
         },
     )
+}
+
+/// A team, or the part of it that acts in this process.
+pub(in crate::algorithms) fn build_team(
+    config: &dyn AlgorithmConfig,
+    team: &TeamConfig,
+    local_agents: Option<(u32, u32)>,
+) -> Box<dyn Team> {
+    config.build(&TeamContext {
+        run_seed: 1,
+        config: team,
+        local_agents,
+        spec: &spec(),
+        timing: LearningTiming::AfterEpisodes,
+        record_advantages: true,
+    })
+}
+
+/// Agents learn from new episodes, of which some may have no steps here.   `lengths`: with all their steps
+pub(in crate::algorithms) fn learn_in_round(
+    team: &mut dyn Team,
+    agents: Range<u32>,
+    (episodes, lengths): (&[Episode], &[u32]),
+    round: u32,
+) -> Vec<AgentUpdate> {
+    let learner = |agent| Learner {
+        agent,
+        first_new_episode: 0,
+        earlier_updates: round,
+    };
+    let learners: Vec<Learner> = agents.map(learner).collect();
+    let request = LearningRequest {
+        episodes,
+        lengths,
+        learners: &learners,
+    };
+    team.learn(&request, Workers::CURRENT_THREAD)
 }
 
 fn episode(agent: u32) -> Episode {

@@ -1,10 +1,8 @@
 //! Networks that the team shares.
 
 use super::*;
-use crate::algorithms::AlgorithmConfig;
 use crate::nn::AdamSettings;
 use crate::seed::SameInitial;
-use crate::team::{Learner, LearningRequest, LearningTiming, Team, TeamContext, Workers};
 use seedbed_input::numbers::Positive;
 
 const AGENTS: u32 = 2;
@@ -38,31 +36,13 @@ fn team(config: &SeedPg, same_initial: SameInitial) -> Box<dyn Team> {
         same_initial: same_initial.into(),
         ..TeamConfig::default()
     };
-    config.build(&TeamContext {
-        run_seed: 1,
-        config: &team,
-        local_agents: None,
-        spec: &spec(),
-        timing: LearningTiming::AfterEpisodes,
-        record_advantages: false,
-    })
+    build_team(config, &team, None)
 }
 
-fn learn(team: &mut dyn Team, round: u32) -> Vec<crate::team::AgentUpdate> {
+fn learn(team: &mut dyn Team, round: u32) -> Vec<AgentUpdate> {
     let episodes: Vec<Episode> = (0..AGENTS).map(episode).collect();
-    let learners: Vec<Learner> = (0..AGENTS)
-        .map(|agent| Learner {
-            agent,
-            first_new_episode: 0,
-            earlier_updates: round,
-        })
-        .collect();
-    let request = LearningRequest {
-        episodes: &episodes,
-        lengths: &[6; AGENTS as usize],
-        learners: &learners,
-    };
-    team.learn(&request, Workers::CURRENT_THREAD)
+    let lengths = [6; AGENTS as usize];
+    learn_in_round(team, 0..AGENTS, (&episodes, &lengths), round)
 }
 
 /// All parameters of an agent's network, in their order.

@@ -4,10 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::*;
 use crate::agent::bonus::{Bonus, ModelSharing, Rnd, TeamEntropy, Vime};
-use crate::algorithms::AlgorithmConfig;
-use crate::team::{
-    AgentUpdate, Learner, LearningRequest, LearningTiming, Team, TeamContext, Workers,
-};
 
 /// With two sampled trajectories, an agent learns from its own episode and from two of the others,
 /// which differ from round to round.
@@ -58,14 +54,7 @@ fn team_in_process(config: &SeedPg, local_agents: Option<(u32, u32)>) -> Box<dyn
         count: ranged_count(5),
         ..TeamConfig::default()
     };
-    config.build(&TeamContext {
-        run_seed: 1,
-        config: &team,
-        local_agents,
-        spec: &spec(),
-        timing: LearningTiming::AfterEpisodes,
-        record_advantages: true,
-    })
+    build_team(config, &team, local_agents)
 }
 
 /// Lets agents learn twice from one episode each. Episodes of other agents that they did not choose
@@ -88,20 +77,8 @@ fn learn_in_process(
                 }
             }
         }
-        let learners: Vec<Learner> = local_agents
-            .clone()
-            .map(|agent| Learner {
-                agent,
-                first_new_episode: 0,
-                earlier_updates: round,
-            })
-            .collect();
-        let request = LearningRequest {
-            episodes: &episodes,
-            lengths: &lengths,
-            learners: &learners,
-        };
-        updates.extend(team.learn(&request, workers));
+        let new = (&episodes[..], &lengths[..]);
+        updates.extend(learn_in_round(team, local_agents.clone(), new, round));
         if local_agents.start == 0 {
             models.push(team.shared_model());
         } else if let Some(model) = &models[round as usize] {
