@@ -1,5 +1,5 @@
 //! Prints a hash of the bits of some episodes of each task, with which the tests of the Python package
-//! compare theirs: `cargo run -p seedbed-python --example golden_episodes > python/tests/golden_episodes.txt`
+//! compare theirs: `cargo xtask bless` writes them to `python/tests/golden_episodes.txt`.
 //!
 //! A line has the task, its physics, the run seed and agent that name the random stream of start states,
 //! and the hash of all observations, rewards and ends of episodes. Agent 0 plays several episodes, others

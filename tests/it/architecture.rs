@@ -1,6 +1,7 @@
 //! Rules that the compiler does not check: which modules and crates may depend on which, and which
 //! names may occur where.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -373,4 +374,22 @@ fn packages_have_the_texts_of_the_licenses() {
             assert_eq!(copied, text, "{}", copy.display());
         }
     }
+}
+
+/// The Python package compares its episodes with those of the workbench in each task: `cargo xtask bless` plays them.
+#[test]
+fn every_task_has_golden_episodes() {
+    let root = Path::new(REPOSITORY);
+    let episodes = fs::read_to_string(root.join("python/tests/golden_episodes.txt")).unwrap();
+    let with_episodes: BTreeSet<&str> = episodes
+        .lines()
+        .filter_map(|line| line.split(' ').next())
+        .collect();
+    let files = fs::read_dir(root.join("envs")).unwrap();
+    let files = files.map(|file| file.unwrap().path());
+    let tasks: BTreeSet<String> = files
+        .filter(|path| path.extension().is_some_and(|extension| extension == "ron"))
+        .map(|path| path.file_stem().unwrap().to_string_lossy().into_owned())
+        .collect();
+    assert!(tasks.iter().map(String::as_str).eq(with_episodes));
 }

@@ -41,7 +41,17 @@ fn bless() -> Result<(), String> {
         let arguments = ["test", "--package", package, "--test", "it", name_filter];
         run_command(cargo_command(&arguments).env("UPDATE_EXPECT", "1"))?;
     }
-    Ok(())
+    write_golden_episodes()
+}
+
+/// Plays the episodes with which the Python package compares its own.
+fn write_golden_episodes() -> Result<(), String> {
+    const FILE: &str = "python/tests/golden_episodes.txt";
+    let arguments = "run --release --quiet --package seedbed-python --example golden_episodes";
+    let arguments: Vec<&str> = arguments.split(' ').collect();
+    let episodes = output(cargo_command(&arguments).current_dir(repository_folder()))?;
+    std::fs::write(repository_folder().join(FILE), episodes)
+        .map_err(|error| format!("cannot write {FILE}: {error}"))
 }
 
 fn build_docs() -> Result<(), String> {
