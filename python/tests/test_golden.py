@@ -1,4 +1,4 @@
-"""The bits are those of the workbench: `golden_episodes.txt` is written by `examples/golden_episodes.rs`."""
+"""The bits are those of the workbench: `golden_episodes.txt` is written by `cargo xtask bless`."""
 
 from __future__ import annotations
 
