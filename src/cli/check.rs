@@ -6,6 +6,7 @@ use super::{CliError, former_names, pluralize};
 use seedbed::experiment::Experiment;
 use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
+use seedbed::study::design::cell::warnings_of;
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::tuning::file::Tuning;
 use seedbed::study::tuning::plan::TuningFile;
@@ -84,12 +85,7 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
             if plan.cells.iter().any(|cell| cell.source.found().is_none()) {
                 StudyPlan::load_before_results(path, true)?;
             }
-            for cell in &plan.cells {
-                let cell_warnings = cell.source.warnings().into_iter();
-                warnings.extend(
-                    cell_warnings.map(|warning| format!("cell `{}`: {warning}", cell.name)),
-                );
-            }
+            warnings.extend(warnings_of(&plan.cells));
             let (cells, claims) = (
                 pluralize(plan.cells.len(), "cell"),
                 pluralize(plan.study().claims.len(), "claim"),
@@ -101,10 +97,7 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
         }
         FileKind::Tuning => {
             let file = TuningFile::load(path)?;
-            for cell in &file.defaults {
-                let of_cell = cell.source.warnings().into_iter();
-                warnings.extend(of_cell.map(|warning| format!("`{}`: {warning}", cell.name)));
-            }
+            warnings.extend(warnings_of(&file.defaults));
             Ok(describe_tuning(&file.document.value))
         }
     }?;

@@ -120,7 +120,7 @@ enum PlotPart {
     /// Visited states of all agents together, as a density
     Density,
     /// Difference of each agent from the team: where its share of states is above (orange) or below
-    /// (blue) that of all agents; with several runs, of each run from the first
+    /// (blue) that of all agents; with several runs, of each run from the first; with two --axes, as a map
     Difference,
     /// Returns over episodes
     Returns,

@@ -12,7 +12,7 @@ use seedbed::review::LoadRunError;
 use seedbed::run::facts::EpisodeRow;
 use seedbed::run::preview;
 use seedbed::storage::incomplete::Incomplete;
-use seedbed_env::Physics;
+use seedbed_env::{Physics, physics_warnings};
 use seedbed_input::former_names_in;
 use seedbed_input::numbers::Count;
 
@@ -28,6 +28,9 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
     } else {
         Physics::Rapier
     };
+    for warning in physics_warnings(&description, physics) {
+        note!("warning: {warning}");
+    }
     let path = args
         .out
         .clone()

@@ -141,8 +141,8 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
     }
     // Before anything is shown: whoever sees it may stop the run.
     let stop_requests = StopRequests::listen("stopping, at the latest after this round");
-    if let (Some(note), false) = (experiment.round_cost_note(), args.quiet) {
-        note!("note       {note}");
+    if !args.quiet {
+        print_warnings(&*experiment);
     }
     let (started, waited_before) = (Instant::now(), time_waited());
     let mut observer = observer(args, &*experiment, &options.folder)?;
@@ -179,6 +179,20 @@ fn run_and_record(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
             }
             Ok(())
         }
+    }
+}
+
+/// Prints why the run may not do what it seems to do, and whether its rounds are long. What cannot be repeated is
+/// said at the end.
+fn print_warnings(experiment: &dyn Experiment) {
+    let said_later = experiment.repeatability_warning();
+    let mut warnings = experiment.warnings();
+    warnings.retain(|warning| Some(warning) != said_later.as_ref());
+    for warning in warnings {
+        note!("warning: {warning}");
+    }
+    if let Some(note) = experiment.round_cost_note() {
+        note!("note       {note}");
     }
 }
 

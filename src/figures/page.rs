@@ -201,8 +201,11 @@ impl PlotPage<'_> {
         if self.runs.len() == 1 && reference.agent_count() < 2 {
             return Vec::new();
         }
-        let columns = self.columns(groups.len());
         let (panels, key) = states::differences(self.settings, &groups, &reference);
+        if matches!(panels[..], [Panel::HeatMap(_), ..]) {
+            return self.rows_of_maps(panels, Some(&key));
+        }
+        let columns = self.columns(groups.len());
         layout_rows(panels, columns, 230.0, Some(&key))
     }
 
@@ -316,9 +319,14 @@ impl PlotPage<'_> {
             self.team_groups()
         };
         let (panels, key) = states::scatter(self.settings, &groups);
+        self.rows_of_maps(panels, key.as_ref())
+    }
+
+    /// Maps of two axes in rows, to scale if both are lengths.
+    fn rows_of_maps(&self, panels: Vec<Panel>, key: Option<&Key>) -> Vec<Row> {
         let aspect = panels.first().and_then(Panel::aspect_of_map);
         let columns = if self.runs.len() > 1 {
-            self.runs.len()
+            self.runs.len().min(panels.len())
         } else {
             let most = self.columns_of_width(if aspect.is_none() { 115.0 } else { 170.0 });
             let fitting = (1..=most).rev().find(|columns| {
@@ -330,7 +338,7 @@ impl PlotPage<'_> {
         let height = aspect.map_or(220.0, |aspect| {
             self.size_of_map(columns, aspect).clamp(60.0, 500.0) + HEIGHT_OF_LABELS
         });
-        layout_rows(panels, columns, height, key.as_ref())
+        layout_rows(panels, columns, height, key)
     }
 
     /// On a page of given height with nothing but maps: the number of columns with which they are largest.

@@ -51,7 +51,10 @@ pub(super) fn read(
                 team = selection.select(recording, |_| on_episode())?;
             }
         }
-        let walls = if settings.shows(Part::Scatter) {
+        let walls = if [Part::Scatter, Part::Difference]
+            .iter()
+            .any(|part| settings.shows(*part))
+        {
             walls(&run).unwrap_or_default()
         } else {
             Vec::new()

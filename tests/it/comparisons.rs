@@ -130,6 +130,25 @@ fn figures_and_pages_of_several_runs_have_one_set_of_axes() {
         figure.contains("14."),
         "the largest difference is 14.1 %: {figure}"
     );
+    // Of two axes as a map of 40 cells a side: four cells of the diagonal have a quarter of the narrow states each, and
+    // a fortieth of the wide ones.
+    let map = [
+        "plot",
+        &narrow,
+        &wide,
+        "--what",
+        "difference",
+        "--axes",
+        "x,y",
+        "--out",
+        out,
+    ];
+    run_successful(&map);
+    let figure = fs::read_to_string(&svg).unwrap();
+    assert!(
+        figure.contains(">22 %<") && figure.contains(">y [m]<"),
+        "the largest difference is 22.5 %: {figure}"
+    );
     let page = folder.path().join("page.html");
     run_successful(&["explore", &narrow, &wide, "--out", page.to_str().unwrap()]);
     let x = r#""name":"x","unit":"m","kind":"observation","low":-9.99"#;

@@ -139,9 +139,10 @@ pub struct Solver {
     /// Substeps per contact update. The error falls as 1 / substeps.
     #[serde(rename = "iterations")]
     pub substeps: Count<1000>,
-    /// Iterations over all constraints per substep. Chains of several hinges need more than 1.
+    /// Iterations over all constraints per substep. By default 1, or what servos between bodies need. Chains of
+    /// several hinges need more than 1.
     #[serde(rename = "passes")]
-    pub solver_iterations: Count<1000>,
+    pub solver_iterations: Option<Count<1000>>,
     /// Times per control step that contacts are searched for.
     #[serde(rename = "searches")]
     pub contact_updates: Count<1000>,
@@ -519,7 +520,7 @@ impl Default for Solver {
     fn default() -> Self {
         Self {
             substeps: ranged_count(4),
-            solver_iterations: ranged_count(1),
+            solver_iterations: None,
             contact_updates: ranged_count(1),
         }
     }

@@ -137,15 +137,38 @@ fn servos_on_chains(task: &BodyTask) -> Vec<String> {
     warnings.collect()
 }
 
-fn servo_on_chain(name: &str, joint: &Joint, task: &BodyTask) -> Option<String> {
+/// Passes with which all servos hold: 1 where none acts between two bodies, or joints are exact.
+pub(super) fn passes_for_servos(task: &BodyTask) -> u32 {
+    let servos = task
+        .actuators
+        .iter()
+        .filter_map(|actuator| match actuator.drive {
+            Drive::Servo(servo) => passes_for_servo(&task.joints[servo.joint], task),
+            _ => None,
+        });
+    servos.max().unwrap_or(1)
+}
+
+/// `None` for a joint that is exact, or held by the world.
+fn passes_for_servo(joint: &Joint, task: &BodyTask) -> Option<u32> {
     let parent = &task.bodies[joint.parent?];
+    if task.needs_own_worlds() {
+        return None;
+    }
     let (moving, _) = moving_parts(joint, task);
     let ratio = moving.mass / parent.inertial.mass;
-    let needed = SERVO_PASSES.max(SERVO_PASSES_PER_RATIO * ratio);
+    let with_usual_substeps = SERVO_PASSES.max(SERVO_PASSES_PER_RATIO * ratio);
     let substeps = f64::from(task.solver.substeps) / USUAL_SUBSTEPS;
-    let passes = f64::from(task.solver.solver_iterations) * substeps.cbrt();
-    (passes < needed && !task.needs_own_worlds()).then(|| {
-        let needed = (needed / substeps.cbrt()).ceil();
+    Some(
+        (with_usual_substeps / substeps.cbrt())
+            .ceil()
+            .clamp(1.0, 1000.0) as u32,
+    )
+}
+
+fn servo_on_chain(name: &str, joint: &Joint, task: &BodyTask) -> Option<String> {
+    let needed = passes_for_servo(joint, task)?;
+    (task.solver.solver_iterations < needed).then(|| {
         format!(
             "servo `{name}` hardly holds joint `{}` between two bodies: a load on it falls several times too fast, and \
              passes the ends of its range; expected `solver: (passes: {needed}, …)` or more, or a collider in the task, with \

@@ -39,7 +39,7 @@
 //! |---|---|
 //! | [`Curves`] | curves with bands, step and survival curves; [`Figure::from_curves`] arranges several with common axes |
 //! | [`ParallelCoordinates`] | points of many dimensions, as lines or as their density |
-//! | [`Scatter`], [`HeatMap`] | two dimensions, as points or as counts |
+//! | [`Scatter`], [`HeatMap`] | two dimensions, as points, or as counts or differences over cells |
 //! | [`NumberGrid`] | numbers over two dimensions, as text on colors |
 //! | [`Drawing`] | shapes in a plane, drawn to scale |
 //! | [`Picture`] | a picture with its own proportions |
@@ -74,7 +74,7 @@ pub use font::font_faces;
 pub use intervals::{IntervalRow, Intervals};
 pub use key::Key;
 pub use number_grid::{GridNumber, NumberGrid};
-pub use pair::{HeatMap, Scatter, ScatterPoint};
+pub use pair::{Cells, HeatMap, Scatter, ScatterPoint};
 pub use parallel::{DensityImage, DifferenceImage, ParallelCoordinates, StateLine, States};
 pub use picture::Picture;
 pub use pixels::{Pixels, RenderError};

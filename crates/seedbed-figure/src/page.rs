@@ -269,7 +269,7 @@ impl Panel {
 #[cfg(test)]
 mod tests {
     use super::super::{
-        DensityImage, IntervalRow, Key, ScatterPoint, Series, StateLine, States, Threshold,
+        Cells, DensityImage, IntervalRow, Key, ScatterPoint, Series, StateLine, States, Threshold,
     };
     use super::*;
     use crate::Axis;
@@ -343,9 +343,11 @@ mod tests {
             title: title.clone(),
             x: x.clone(),
             y: y.clone(),
-            counts: vec![0, 1, 2, 3],
+            cells: Cells::Counts {
+                counts: vec![0, 1, 2, 3],
+                max_count: 3,
+            },
             columns: 2,
-            max_count: 3,
             lines: vec![vec![[-0.5, -2.0], [-0.5, 0.5]]],
         };
         let scatter = Scatter {
@@ -501,9 +503,11 @@ mod tests {
             title: String::new(),
             x: axis("x", [-2.0, 2.0]),
             y: axis("y", [-2.0, 2.0]),
-            counts: vec![1; 4],
+            cells: Cells::Counts {
+                counts: vec![1; 4],
+                max_count: 1,
+            },
             columns: 2,
-            max_count: 1,
             lines: vec![vec![[0.0, 0.0], [0.0, 1.0]]],
         });
         let row = Row {

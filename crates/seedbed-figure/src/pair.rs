@@ -1,10 +1,11 @@
-//! Plots of two dimensions against each other: as points, or as counts.
+//! Plots of two dimensions against each other: as points, or as numbers over the cells of a grid.
 
 use super::color::{Color, MUTED_COLOR};
 use super::font::{Weight, text_width};
 use super::panel_axes::{LABEL_SIZE, PanelAxes, Plot};
 use super::scale::percent;
 use super::svg::{Rect, Stroke, SvgWriter};
+use super::theme::Theme;
 use crate::Axis;
 
 /// Points of two dimensions.
@@ -32,7 +33,7 @@ pub struct ScatterPoint {
     pub color: Color,
 }
 
-/// Counts over the cells of a grid, in the colors of [`Key::Counts`](super::Key::Counts).
+/// Numbers over the cells of a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeatMap {
     /// Title above the panel.
@@ -41,14 +42,44 @@ pub struct HeatMap {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// Counts row by row, beginning with the lowest row: `[rows × columns]`.
-    pub counts: Vec<u32>,
+    /// Numbers of the cells.
+    pub cells: Cells,
     /// Number of columns.
     pub columns: usize,
-    /// The count with the darkest color.
-    pub max_count: u32,
     /// Lines in the plane, such as walls, drawn on top.
     pub lines: Vec<Vec<[f32; 2]>>,
+}
+
+/// Numbers of cells, row by row, beginning with the lowest row.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cells {
+    /// Counts, in the colors of [`Key::Counts`](super::Key::Counts).
+    Counts {
+        /// `[rows × columns]`
+        counts: Vec<u32>,
+        /// The count with the darkest color.
+        max_count: u32,
+    },
+    /// Differences from −1 to 1, in the colors of [`Key::Differences`](super::Key::Differences): `[rows × columns]`.
+    Differences(Vec<f32>),
+}
+
+impl Cells {
+    /// Colors of the cells; `None` of a cell without states.
+    fn colors(&self, theme: Theme) -> Vec<Option<Color>> {
+        match self {
+            Self::Counts { counts, max_count } => {
+                let color = |count| (count > 0).then(|| theme.count_color(count, *max_count));
+                counts.iter().copied().map(color).collect()
+            }
+            Self::Differences(differences) => {
+                let color = |difference: &f32| {
+                    (*difference != 0.0).then(|| theme.difference_color(f64::from(*difference)))
+                };
+                differences.iter().map(color).collect()
+            }
+        }
+    }
 }
 
 impl Scatter {
@@ -88,8 +119,10 @@ impl HeatMap {
             svg,
         );
         let columns = self.columns.max(1);
-        let rows = self.counts.len() / columns;
-        let is_visited = |row: usize, column: usize| self.counts[row * columns + column] > 0;
+        let theme = svg.theme();
+        let colors = self.cells.colors(theme);
+        let rows = colors.len() / columns;
+        let is_visited = |row: usize, column: usize| colors[row * columns + column].is_some();
         let shown_row = shown_cells(rows, |row| {
             (0..columns).any(|column| is_visited(row, column))
         });
@@ -97,12 +130,11 @@ impl HeatMap {
             (0..rows).any(|row| is_visited(row, column))
         });
         let from_the_top = shown_row.iter().rev();
-        let counts = from_the_top.flat_map(|row| {
-            let row = &self.counts[row * columns..][..columns];
+        let colors = from_the_top.flat_map(|row| {
+            let row = &colors[row * columns..][..columns];
             shown_column.iter().map(|&column| row[column])
         });
-        let theme = svg.theme();
-        let colors = counts.map(|count| theme.count_color(count, self.max_count));
+        let colors = colors.map(|color| color.unwrap_or(theme.count_color(0, 1)));
         svg.image_of_colors(&plot.area, colors, self.columns, true);
         draw_lines(&self.lines, &plot, svg);
     }

@@ -9,6 +9,7 @@ use crate::cli::execution::{
     print_failures, print_finished, warn_of_damaged_files,
 };
 use crate::cli::{CliError, memory, pluralize, report};
+use seedbed::study::design::cell::warnings_of;
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::execute::shard::Shard;
 use seedbed::study::store::StudyFolder;
@@ -169,6 +170,9 @@ fn run_missing(
         say!("study      {}: {cells}", plan.name);
     }
     print_results_of_others(plan);
+    for warning in warnings_of(&plan.cells) {
+        note!("warning: {}", terminal_line(&warning));
+    }
     let started = Instant::now();
     let failures = execute_runs(&args.execution, &missing, folder, plan)?;
     if to_run > 0 {
@@ -178,7 +182,7 @@ fn run_missing(
     Ok(())
 }
 
-/// Prints how many runs of others were found, and what is wrong with their files.
+/// Prints how many runs of others were found.
 fn print_results_of_others(plan: &StudyPlan) {
     for cell in &plan.cells {
         let Some(external) = cell.source.found() else {
@@ -190,10 +194,6 @@ fn print_results_of_others(plan: &StudyPlan) {
             pluralize(external.runs().count(), "run"),
             terminal_line(external.pattern())
         );
-        for warning in cell.source.warnings() {
-            let cell = terminal_line(&cell.name);
-            note!("warning: cell `{cell}`: {}", terminal_line(&warning));
-        }
     }
 }
 

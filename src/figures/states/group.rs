@@ -7,7 +7,9 @@ use crate::plotting::{are_coordinates, axis_with_shares};
 use crate::record::visitation::Unplaced;
 use crate::review::selection::{GRID_CELLS, SelectedState, SelectedStates, is_sampled};
 use seedbed_env::Quantity;
-use seedbed_figure::{Axis, HeatMap, Panel, ParallelCoordinates, Scatter, ScatterPoint, States};
+use seedbed_figure::{
+    Axis, Cells, HeatMap, Panel, ParallelCoordinates, Scatter, ScatterPoint, States,
+};
 
 /// States of a run that are drawn together: those of one agent or of several agents.
 #[derive(Clone)]
@@ -188,19 +190,18 @@ impl<'a> StateGroup<'a> {
     pub(super) fn heat_map_panel(
         &self,
         settings: &FigureSettings,
+        title: String,
         pair: [usize; 2],
-        counts: Vec<u32>,
-        max_count: u32,
+        cells: Cells,
     ) -> Panel {
         let [x, y] = self.axes_of_pair(settings, pair);
         let lines = self.scenery([&x, &y]);
         Panel::HeatMap(HeatMap {
-            title: format!("{}: {}", self.title, self.state_count_text()),
+            title,
             x,
             y,
-            counts,
+            cells,
             columns: GRID_CELLS,
-            max_count,
             lines,
         })
     }

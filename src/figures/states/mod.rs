@@ -10,7 +10,7 @@ use self::shares::{density_key, scale_to_largest};
 use super::settings::FigureSettings;
 use crate::record::visitation::share_difference;
 use crate::review::selection::{GRID_CELLS, SelectedStates};
-use seedbed_figure::{DensityImage, DifferenceImage, Key, Panel, StateLine, States};
+use seedbed_figure::{Cells, DensityImage, DifferenceImage, Key, Panel, StateLine, States};
 
 /// One panel per group: panels of lines, if no group has more than `max_lines` states or if
 /// a color is chosen; otherwise panels of densities on a common scale.
@@ -82,17 +82,26 @@ pub(super) fn density(
 }
 
 /// Panels of differences of groups from a reference, on a common scale: for each pixel the share of
-/// the group's lines minus the share of the reference's lines.
+/// the group's lines minus the share of the reference's lines or, of a single pair of axes, the same of states in
+/// each cell of the plane.
 pub(super) fn differences(
     settings: &FigureSettings,
     groups: &[StateGroup<'_>],
     reference: &StateGroup<'_>,
 ) -> (Vec<Panel>, Key) {
     let width = reference.width(settings);
-    let of_reference = reference.pixels();
+    let pair = match reference.scatter_pairs(settings)[..] {
+        [pair] if settings.axes.len() == 2 => Some(pair),
+        _ => None,
+    };
+    let counts = |group: &StateGroup<'_>| match pair {
+        Some(_) => group.grids(1),
+        None => group.pixels(),
+    };
+    let of_reference = counts(reference);
     let difference = |group: &StateGroup<'_>| {
         share_difference(
-            (&group.pixels(), group.state_count()),
+            (&counts(group), group.state_count()),
             (&of_reference, reference.state_count()),
         )
     };
@@ -109,6 +118,9 @@ pub(super) fn differences(
             *pixel *= factor;
         }
         let title = format!("{} − {}", group.title, reference.title);
+        if let Some(pair) = pair {
+            return group.heat_map_panel(settings, title, pair, Cells::Differences(pixels));
+        }
         group.parallel_coordinates(
             settings,
             States::Difference(DifferenceImage { pixels, width }),
@@ -143,7 +155,9 @@ pub(super) fn scatter(
             let counts = grids
                 [pair * GRID_CELLS * GRID_CELLS..(pair + 1) * GRID_CELLS * GRID_CELLS]
                 .to_vec();
-            group.heat_map_panel(settings, pairs[pair], counts, max_count)
+            let title = group.title_with(&group.state_count_text());
+            let cells = Cells::Counts { counts, max_count };
+            group.heat_map_panel(settings, title, pairs[pair], cells)
         };
         let panels = (0..pairs.len())
             .flat_map(|pair| groups.iter().zip(&grids).map(move |drawn| (pair, drawn)));

@@ -12,6 +12,7 @@ use crate::plotting::coordinates;
 use crate::record::{difference_of_quantities, other_range};
 use crate::study::external::{ExternalCell, ExternalRuns};
 use seedbed_env::Quantity;
+use seedbed_input::quoted_list;
 use seedbed_learn::agent::bonus::PaidFor;
 use seedbed_learn::algorithms::RandomActions;
 
@@ -31,6 +32,38 @@ pub struct Cell {
     pub(in crate::study) digest: OnceLock<String>,
     /// Numbers of first episodes whose visited states are stored, in ascending order.
     pub windows: Vec<u32>,
+}
+
+/// Maximum number of cells that a warning names.
+const MAX_NAMED_CELLS: usize = 3;
+
+/// Why settings of cells may not do what they seem to do, and what is wrong with files of others. A warning that
+/// several cells share is told once.
+#[must_use]
+pub fn warnings_of(cells: &[Cell]) -> Vec<String> {
+    let mut found: Vec<(String, Vec<&str>)> = Vec::new();
+    for cell in cells {
+        for warning in cell.source.warnings() {
+            match found.iter_mut().find(|(known, _)| *known == warning) {
+                Some((_, names)) => names.push(&cell.name),
+                None => found.push((warning, vec![&cell.name])),
+            }
+        }
+    }
+    let with_cells = found
+        .iter()
+        .map(|(warning, names)| format!("{}: {warning}", named_cells(names)));
+    with_cells.collect()
+}
+
+/// Such as `cells A, B, C and 4 more`, with each name in backquotes.
+fn named_cells(names: &[&str]) -> String {
+    let named = quoted_list(names.iter().copied().take(MAX_NAMED_CELLS));
+    match names.len() {
+        1 => format!("cell {named}"),
+        count if count <= MAX_NAMED_CELLS => format!("cells {named}"),
+        count => format!("cells {named} and {} more", count - MAX_NAMED_CELLS),
+    }
 }
 
 /// One run of a study.

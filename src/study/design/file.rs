@@ -315,6 +315,12 @@ impl Claim {
         number.is_finite().then_some(number)
     }
 
+    /// Whether the claim is about one score per run seed: the difference of a pair, or of a run from a number.
+    #[must_use]
+    pub fn has_one_score_per_pair(&self) -> bool {
+        *self.paired || self.number().is_some()
+    }
+
     /// Whether the claim compares the cell with this name.
     #[must_use]
     pub fn is_about(&self, cell: &str) -> bool {

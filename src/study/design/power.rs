@@ -33,10 +33,28 @@ pub fn powers(study: &Study) -> Vec<(usize, ClaimPower)> {
         .collect()
 }
 
-fn power_of_claim(study: &Study, claim: &Claim) -> ClaimPower {
+/// Number of runs per cell with which the claim has a power of 0.8, if the scores of runs, or the differences of pairs,
+/// deviate by `deviation`. `None` if more than [`MAX_RUNS`](seedbed_stats::power::MAX_RUNS) are needed.
+#[must_use]
+pub fn runs_with_deviation(study: &Study, claim: &Claim, deviation: f64) -> Option<usize> {
+    let (effect, level) = (
+        claim.smallest.get() / deviation,
+        level_of_claim(study, claim),
+    );
+    runs_needed(USUAL_POWERS[0], |runs| {
+        power_of_scores(claim, effect, runs, level)
+    })
+}
+
+/// The smallest error probability at which a claim can be tested at the last look: that of Holm's first step.
+fn level_of_claim(study: &Study, claim: &Claim) -> f64 {
     let family = study.family(claim.direction.rule().is_null);
     let levels = levels_of_looks(&study.looks(), FAMILY_LEVEL);
-    let level = levels[levels.len() - 1] / family.len() as f64;
+    levels[levels.len() - 1] / family.len() as f64
+}
+
+fn power_of_claim(study: &Study, claim: &Claim) -> ClaimPower {
+    let level = level_of_claim(study, claim);
     let expected = claim.expected.as_deref().copied();
     let power = |runs: usize| expected.map_or(0.0, |expected| power(claim, expected, runs, level));
     ClaimPower {
@@ -73,7 +91,7 @@ fn power(claim: &Claim, expected: Expected, runs: usize, level: f64) -> f64 {
 /// Power of a comparison of scores; `effect` is the smallest effect of interest in standard
 /// deviations.
 fn power_of_scores(claim: &Claim, effect: f64, runs: usize, level: f64) -> f64 {
-    let one_sided = if *claim.paired {
+    let one_sided = if claim.has_one_score_per_pair() {
         power_of_differences(effect, runs, level)
     } else {
         power_of_means(effect, runs, level)
@@ -127,5 +145,22 @@ mod tests {
         assert_eq!(powers[0].1.runs_needed[0], Some(64));
         // 0.9 on each side: 85 runs.
         assert_eq!(powers[1].1.runs_needed[0], powers[0].1.runs_needed[1]);
+    }
+
+    /// Runs that deviate by two smallest effects of interest need as many as a claim that expects so; pairs need half.
+    #[test]
+    fn observed_deviations_give_numbers_of_runs() {
+        let claim = |fields: &str| {
+            format!(
+                r#"(text: "x", compare: ("a", "b"), direction: Less, smallest: 25, confirmatory: true, {fields}),"#
+            )
+        };
+        let study = study(&[claim("expected: Deviation(50)"), claim("paired: true")].concat());
+        let runs =
+            |claim: usize, deviation| runs_with_deviation(&study, &study.claims[claim], deviation);
+        assert_eq!(runs(0, 50.0), powers(&study)[0].1.runs_needed[0]);
+        let [unpaired, paired] = [0, 1].map(|claim| runs(claim, 50.0).unwrap());
+        assert!((unpaired / 2..unpaired / 2 + 3).contains(&paired));
+        assert_eq!(runs(0, 1e6), None);
     }
 }

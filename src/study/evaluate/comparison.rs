@@ -367,7 +367,28 @@ impl Comparison {
     pub fn probability_above(&self) -> Estimate {
         complement(self.probability_below)
     }
+
+    /// Standard deviation of the scores of runs, or of paired differences, that makes the 95 % interval of the effect as
+    /// wide as it is. `None` if they do not differ, if the interval is not known, or if it holds for all that is
+    /// possible after runs that ended early.
+    #[must_use]
+    pub fn deviation(&self, is_paired: bool) -> Option<f64> {
+        let [low, high] = self.effect.interval.ends()?;
+        let standard_error = (high - low) / (2.0 * DEVIATIONS_OF_95_PERCENT);
+        let [first, second] = self.n.map(|n| n as f64);
+        let variance_per_run = if is_paired {
+            1.0 / first
+        } else {
+            1.0 / first + 1.0 / second
+        };
+        let deviation = standard_error / variance_per_run.sqrt();
+        let is_known = deviation > 0.0 && deviation.is_finite() && self.ended_early == [0, 0];
+        is_known.then_some(deviation)
+    }
 }
+
+/// Half the width of a 95 % interval of the normal distribution, in standard deviations.
+const DEVIATIONS_OF_95_PERCENT: f64 = 1.96;
 
 fn pairs_with_common_seeds(first: &[RunScore], second: &[RunScore]) -> [Vec<RunScore>; 2] {
     let mut pairs = [Vec::new(), Vec::new()];
@@ -425,6 +446,28 @@ mod tests {
         let unlimited = [f64::NEG_INFINITY, f64::INFINITY];
         assert_eq!(comparison.effect.interval.ends(), Some(unlimited));
         assert!((comparison.probability_above().value - 0.2).abs() < 1e-15);
+    }
+
+    /// The interval has the width of a deviation: whole numbers from 1 to 50 have one of 14.6, and so have their
+    /// differences from a number that stays; shares of one half deviate by 0.5.
+    #[test]
+    fn deviations_are_those_of_runs_or_of_differences() {
+        let text = |value: fn(usize) -> usize| {
+            let values: Vec<String> = (1..=50).map(|run| value(run).to_string()).collect();
+            values.join(" ")
+        };
+        let (all, halves, same) = (text(|run| run), text(|run| run % 2), text(|_| 0));
+        for (first, second, quantity, paired, expected) in [
+            (&all, &all, Quantity::Mean, false, 14.6),
+            (&all, &same, Quantity::Mean, true, 14.6),
+            (&halves, &halves, Quantity::Share, false, 0.5),
+        ] {
+            let comparison = compare(first, second, quantity, paired);
+            let found = comparison.deviation(paired).unwrap();
+            assert!((found / expected - 1.0).abs() < 0.08, "{found}");
+        }
+        let equal = compare(&same, &same, Quantity::Mean, false);
+        assert_eq!(equal.deviation(false), None);
     }
 
     /// Up to episode 60, the first cell takes 30, 60, 60 (not solved), 60 (solved at 80) and 30

@@ -3,10 +3,13 @@
 use super::format;
 use super::tables::{note_about_early_ends, note_about_times};
 use crate::study::design::file::Claim;
+use crate::study::design::power::runs_with_deviation;
 use crate::study::evaluate::claims::ClaimResult;
 use crate::study::evaluate::gate::gates;
 use crate::study::evaluate::results::Results;
 use crate::text::{markdown_cell, markdown_line, pluralize};
+use seedbed_stats::Verdict;
+use seedbed_stats::power::MAX_RUNS;
 
 pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> String {
     let mut text = caveats(results);
@@ -23,7 +26,7 @@ pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> Stri
     for (claim, claim_result) in results.study.claims.iter().zip(claim_results) {
         let note = note_about_claim(results, claim, claim_result);
         if !note.is_empty() {
-            text += &paragraph(&format!("{}: {note}", claim.text));
+            text += &paragraph(&format!("{}: {note}", claim.text.trim_end_matches('.')));
         }
     }
     for measure in results.measures_of_claims() {
@@ -44,16 +47,50 @@ pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> Stri
     text
 }
 
-/// What a reader must know of the times that a claim compares; empty if nothing.
+/// What a reader must know of the times that a claim compares, and how many runs would decide it if it is open;
+/// empty if nothing.
 #[must_use]
 pub fn note_about_claim(results: &Results, claim: &Claim, claim_result: &ClaimResult) -> String {
     let names = [claim.compare.0.as_str(), claim.compare.1.as_str()];
     let measure = results.study.measure_of(claim);
-    claim_result
-        .comparison
-        .map_or_else(String::new, |comparison| {
-            note_about_times(results, measure, names, &comparison)
-        })
+    let Some(comparison) = claim_result.comparison else {
+        return String::new();
+    };
+    let of_times = note_about_times(results, measure, names, &comparison);
+    let of_runs = note_about_runs_needed(results, claim, claim_result);
+    let notes = [of_times, of_runs.unwrap_or_default()];
+    notes.join(" ").trim().to_owned()
+}
+
+/// How many runs would decide a claim that is open, if runs differ as much as these.
+fn note_about_runs_needed(
+    results: &Results,
+    claim: &Claim,
+    claim_result: &ClaimResult,
+) -> Option<String> {
+    let is_open = claim_result.verdict == Some(Verdict::Open);
+    let comparison = claim_result.comparison.filter(|_| is_open)?;
+    let deviation = comparison.deviation(claim.has_one_score_per_pair())?;
+    let runs = match runs_with_deviation(&results.study, claim, deviation) {
+        Some(runs) => runs.to_string(),
+        None => format!("more than {MAX_RUNS}"),
+    };
+    let scores = if claim.has_one_score_per_pair() {
+        "Differences"
+    } else {
+        "Scores of runs"
+    };
+    let smallest = format::number(claim.smallest.get());
+    let finds = if claim.direction.rule().is_null {
+        format!("exclude an effect of {smallest}, if there is none,")
+    } else {
+        format!("find an effect of {smallest}")
+    };
+    Some(format!(
+        "{scores} have a standard deviation of {}: a new study with {runs} runs per cell would {finds} with a probability \
+         of 0.8.",
+        format::number(deviation)
+    ))
 }
 
 /// A paragraph of a sentence that may have names in it.

@@ -5,14 +5,14 @@ use super::actuators::action;
 use super::resolver::{MAX_MASS, Resolver, WORLD, formula, resolved};
 use super::surfaces::shape;
 use super::{AnalyticModel, Body, Fluid, Geom, HexColor, Observation, Softness};
-use crate::analytic;
 use crate::description::{self, BodyTask, Formulas, Inertial};
 use crate::expression::{Program, Type, compile};
 use crate::{
-    Quantity, Scene, SceneBody, SceneRope, SceneRopeEnd, Shape, TaskSpec, caught_panic, physics,
+    Quantity, Scene, SceneBody, SceneRope, SceneRopeEnd, Shape, TaskSpec, analytic, caught_panic,
+    parameters, physics,
 };
 use seedbed_input::ValidationError;
-use seedbed_input::numbers::{FiniteNumber, Positive};
+use seedbed_input::numbers::{Count, FiniteNumber, Positive};
 
 impl Resolver<'_> {
     /// Checks every reference of the file and turns it into a task.
@@ -30,14 +30,14 @@ impl Resolver<'_> {
             .map(body)
             .collect::<Result<Vec<_>, _>>()?;
         let (joints, ropes) = (self.joints()?, self.ropes()?);
-        let task = BodyTask {
+        let mut task = BodyTask {
             origin: origin.to_owned(),
             spec: self.spec(name),
             scene: self.scene(&bodies, &joints, &ropes)?,
             gravity: file.gravity.get(),
             solver: description::Solver {
                 substeps: file.solver.substeps.get(),
-                solver_iterations: file.solver.solver_iterations.get(),
+                solver_iterations: file.solver.solver_iterations.map_or(1, Count::get),
                 contact_updates: file.solver.contact_updates.get(),
             },
             bodies,
@@ -60,6 +60,9 @@ impl Resolver<'_> {
             redrawn_while: formula(&file.redrawn_while, Type::Boolean, &self.state_variables())?,
             analytic_model: self.analytic_model()?,
         };
+        if file.solver.solver_iterations.is_none() {
+            task.solver.solver_iterations = usual_passes(&task);
+        }
         // Callers without a run, such as a check, see the task of run seed 0.
         let task = task.for_run(0);
         self.check_servos(&task)?;
@@ -85,11 +88,11 @@ impl Resolver<'_> {
     fn check_substeps(&self) -> Result<(), ValidationError> {
         let (solver, control_step) = (&self.file.solver, &self.file.control_step);
         let [iterations, passes, searches] = [
-            solver.substeps,
-            solver.solver_iterations,
-            solver.contact_updates,
+            solver.substeps.get(),
+            solver.solver_iterations.map_or(1, Count::get),
+            solver.contact_updates.get(),
         ]
-        .map(|count| u64::from(count.get()));
+        .map(u64::from);
         let substeps = iterations * searches;
         if substeps * passes > MAX_PASSES_PER_STEP {
             return Err(solver.error(format!(
@@ -330,6 +333,13 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> 
 
 /// Shortest substep, s: a body at 1 m moves by a rounding error in it, at 1 m/s.
 const MIN_SUBSTEP: f64 = 1e-7;
+
+/// Passes of a task that does not say how many: those with which its servos hold, as far as a step may have so many.
+fn usual_passes(task: &BodyTask) -> u32 {
+    let substeps = task.solver.substeps * task.solver.contact_updates;
+    let most = MAX_PASSES_PER_STEP / u64::from(substeps);
+    parameters::passes_for_servos(task).min(u32::try_from(most).unwrap_or(u32::MAX))
+}
 
 /// Maximum number of passes over all joints and contacts per step: a step with so many takes a second.
 const MAX_PASSES_PER_STEP: u64 = 1_000_000;

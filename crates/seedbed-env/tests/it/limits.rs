@@ -152,6 +152,12 @@ fn servos_on_chains_are_reported_with_what_mends_them() {
         assert!((0.95..1.15).contains(&slip(&mended)), "{}", slip(&mended));
         assert_eq!(physics_warnings(&mended.into(), Physics::Rapier), [""; 0]);
     }
+    // Without `passes`, a task has those.
+    for arm in [0.2, 10.0] {
+        let usual = winch(arm, "(iterations: 4)", "");
+        assert!((0.95..1.15).contains(&slip(&usual)), "{}", slip(&usual));
+        assert_eq!(physics_warnings(&usual.into(), Physics::Rapier), [""; 0]);
+    }
     let collider = "colliders: [(geom: Ball(center: (90.0, 0.0), radius: 1.0))],";
     let exact = winch(0.2, "(iterations: 4)", collider);
     assert!((0.95..1.05).contains(&slip(&exact)), "{}", slip(&exact));

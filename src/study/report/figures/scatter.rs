@@ -9,7 +9,7 @@ use crate::study::design::figure::EpisodeWindow;
 use crate::study::evaluate::results::CellResults;
 use crate::text::pluralize;
 use seedbed_env::Quantity;
-use seedbed_figure::{Axis, Figure as Picture, HeatMap, Panel, Row};
+use seedbed_figure::{Axis, Cells, Figure as Picture, HeatMap, Panel, Row};
 
 /// Maximum number of panels side by side, and their width, in CSS pixels.
 const MAX_COLUMNS: usize = 3;
@@ -132,13 +132,15 @@ impl<'a> CellMap<'a> {
             title: self.title.clone(),
             x,
             y,
-            counts: self
-                .shares
-                .iter()
-                .map(|share| scale.count(*share))
-                .collect(),
+            cells: Cells::Counts {
+                counts: self
+                    .shares
+                    .iter()
+                    .map(|share| scale.count(*share))
+                    .collect(),
+                max_count: scale.max_count(),
+            },
             columns: GRID_CELLS,
-            max_count: scale.max_count(),
             lines: self.walls(),
         })
     }
