@@ -95,8 +95,12 @@ impl RunProgress {
 impl Observer for RunProgress {
     fn begun(&mut self, progress: &Progress) {
         (self.started, self.steps_before) = (Instant::now(), progress.env_steps);
+        let Played { count, max, unit } = Played::of(progress);
+        if progress.env_steps > 0 {
+            note!("resumed    after {count} of {max} {unit}");
+        }
         if let Some(bar) = &self.bar {
-            bar.set_length(Played::of(progress).max);
+            bar.set_length(max);
         }
     }
 

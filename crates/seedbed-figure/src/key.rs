@@ -130,16 +130,18 @@ fn count_ticks(max_count: u32) -> Vec<(u32, String)> {
         .collect()
 }
 
-/// Ticks of a scale of percentages, as counts with their labels: at powers of ten that are not too
-/// close to `max_count`, and at `max_count`.
+/// Ticks of a scale of percentages, as counts with their labels: at its ends, a count of 1 and `max_count`, and at
+/// powers of ten that are not too close to them.
 fn share_ticks(max_count: u32, total: u64) -> Vec<(f64, String)> {
     let percent = |count: f64| 100.0 * count / total.max(1) as f64;
     let powers_of_ten = (-9..=2).map(|power| 10_f64.powi(power) * total as f64 / 100.0);
-    let shown_counts = powers_of_ten.filter(|&count| {
-        count >= 1.0 && count < f64::from(max_count) && log_position(count, max_count) < 0.9
-    });
+    let is_clear = |count: &f64| (0.1..0.9).contains(&log_position(*count, max_count));
+    let lowest = (max_count > 1).then_some(1.0);
+    let shown_counts = lowest
+        .into_iter()
+        .chain(powers_of_ten.filter(is_clear))
+        .chain([f64::from(max_count)]);
     shown_counts
-        .chain([f64::from(max_count)])
         .map(|count| {
             (
                 count,
@@ -231,8 +233,8 @@ fn draw_tick(area: &Rect, svg: &mut SvgWriter, y: f64, text: &str) {
 mod tests {
     use super::*;
 
-    /// 0.01, 0.1 and 1 % of 20,000 are 2, 20 and 200. There is no tick at 10 %, which is too close
-    /// to the maximum of 12 %.
+    /// 0.005, 0.01, 0.1 and 1 % of 20,000 are 1, 2, 20 and 200. There are no ticks at 0.01 and 10 %, which are too close
+    /// to the ends.
     #[test]
     fn ticks_of_shares_are_round() {
         let shares = share_ticks(2469, 20_000);
@@ -241,7 +243,7 @@ mod tests {
                 .iter()
                 .map(|(_, text)| text.as_str())
                 .collect::<Vec<_>>(),
-            ["0.01 %", "0.1 %", "1 %", "12 %"]
+            ["0.005 %", "0.1 %", "1 %", "12 %"]
         );
         assert!((shares[1].0 - 20.0).abs() < 1e-9 && shares[3].0 == 2469.0);
     }
