@@ -1,7 +1,7 @@
-"""Opens a page of `seedbed explore` in Chromium and uses it: counts under brushes must equal those of the exported
-states, everything must work with the keyboard alone, and the picture must be the stored one.
+"""Opens a page of `seedbed explore` in Chromium and in Firefox and uses it: counts under brushes must equal those of the
+exported states, everything must work with the keyboard alone, and the picture must be the stored one.
 
-Usage: explorer.py SEEDBED RUN [--update]
+Usage: explorer.py SEEDBED RUN GECKODRIVER [--update]
 """
 
 import base64
@@ -31,7 +31,7 @@ from selenium.webdriver.support.wait import WebDriverWait
 PICTURE = Path(__file__).parent / "explorer.png"
 MAX_LEVEL = 65534
 # The context of a copy of a canvas, because browsers warn of pages that read their own canvases often.
-READ_CANVAS = """globalThis.contextOf = (canvas) => {
+READ_CANVAS = """window.contextOf = (canvas) => {
     const { width, height } = canvas, copy = Object.assign(document.createElement("canvas"), { width, height });
     const context = copy.getContext("2d", { willReadFrequently: true });
     context.drawImage(canvas, 0, 0);
@@ -39,7 +39,10 @@ READ_CANVAS = """globalThis.contextOf = (canvas) => {
 };"""
 
 
-def start_browser() -> webdriver.Chrome:
+Browser = webdriver.Chrome | webdriver.Firefox
+
+
+def start_chromium() -> webdriver.Chrome:
     options = webdriver.ChromeOptions()
     options.binary_location = "/usr/bin/chromium"
     for argument in [
@@ -51,10 +54,31 @@ def start_browser() -> webdriver.Chrome:
     return webdriver.Chrome(options=options, service=webdriver.ChromeService("/usr/bin/chromedriver"))
 
 
+def start_firefox(geckodriver: str, log: Path) -> webdriver.Firefox:
+    options = webdriver.FirefoxOptions()
+    options.binary_location = "/usr/bin/firefox-esr"
+    options.add_argument("--headless")
+    # Messages of pages are in the log of the driver, which has no other way to them.
+    options.set_preference("devtools.console.stdout.content", True)
+    browser = webdriver.Firefox(options=options, service=webdriver.FirefoxService(geckodriver, log_output=str(log)))
+    browser.set_window_size(1400, 1000)
+    browser.log_of_driver = log
+    return browser
+
+
+def messages(browser: Browser) -> list[str]:
+    """Errors and warnings of pages since the last call in Chromium, since the start in Firefox."""
+    if isinstance(browser, webdriver.Firefox):
+        lines = browser.log_of_driver.read_text().splitlines()
+        # Not those of the browser itself.
+        return [line for line in lines if re.match(r"JavaScript (error|warning): file:", line)]
+    return [entry["message"] for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
+
+
 class Page:
     """An opened page."""
 
-    def __init__(self, browser: webdriver.Chrome, path: Path, address: str = ""):
+    def __init__(self, browser: Browser, path: Path, address: str = ""):
         self.browser = browser
         browser.get("about:blank")
         browser.get(f"{path.as_uri()}#{address}" if address else path.as_uri())
@@ -80,8 +104,8 @@ class Page:
         pattern = r"([\d,]+) of ([\d,]+) states?.*?, ([\d,]+) episodes? \(([\d,]+) terminated.*?\), ([\d,]+) agents?"
         return [int(number.replace(",", "")) for number in re.fullmatch(pattern, text).groups()]
 
-    def errors(self) -> list[dict]:
-        return [entry for entry in self.browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
+    def errors(self) -> list[str]:
+        return messages(self.browser)
 
 
 def write_page(seedbed: str, out: Path, *runs: Path) -> Path:
@@ -336,7 +360,7 @@ def check_film(page: Page) -> None:
     WebDriverWait(page.browser, 60).until(lambda _: shown()[2] == end and button.text == "Play")
 
 
-def check_films(browser: webdriver.Chrome, seedbed: str, folder: Path) -> None:
+def check_films(browser: Browser, seedbed: str, folder: Path) -> None:
     """The films of all agents can be chosen. The fixed bodies of a task are behind states on its coordinates, and only there."""
     run = folder / "corridors"
     settings = ["stop=Episodes(2)", "agents.count=2", "recording.scene.agents=[0,1]", "recording.scene.every=1"]
@@ -473,7 +497,7 @@ def check_typed_ranges(page: Page, states: dict[str, np.ndarray]) -> None:
     page.show("")
 
 
-def check_hint(browser: webdriver.Chrome, path: Path) -> None:
+def check_hint(browser: Browser, path: Path) -> None:
     """A hint says what to do until there is a range, in words for a finger on touch screens."""
     hint = lambda page: [element.text for element in page.browser.find_elements(By.CSS_SELECTOR, ".hint")]
     page = Page(browser, path)
@@ -491,7 +515,7 @@ def check_hint(browser: webdriver.Chrome, path: Path) -> None:
     assert touched == ["Slide a finger along an axis to select states"], touched
 
 
-def check_layout(browser: webdriver.Chrome, path: Path) -> None:
+def check_layout(browser: Browser, path: Path) -> None:
     """The panels of a run fill the window; on a phone nothing is beyond its edge, and titles of axes do not touch."""
     boxes = """
         const box = (selector) => { const { left, top, right, bottom } = document.querySelector(selector).getBoundingClientRect(); return [left, top, right, bottom]; };
@@ -547,7 +571,7 @@ def check_picture(page: Page, update: bool) -> None:
     assert difference < 3, f"the picture differs from {PICTURE.name} by {difference:.2f} levels on average; look at it, and update it with --update"
 
 
-def check_two_runs(browser: webdriver.Chrome, seedbed: str, run: Path, folder: Path) -> None:
+def check_two_runs(browser: Browser, seedbed: str, run: Path, folder: Path) -> None:
     """Two runs have the same brushes; a recording alone can be shown."""
     page = Page(browser, write_page(seedbed, folder / "two.html", run, run / "run.rrd"))
     page.show("brush=theta:0:0.1")
@@ -575,7 +599,7 @@ def write_states(folder: Path, axes: list[tuple[str, str]], states: np.ndarray) 
     return folder
 
 
-def check_hostile_names(browser: webdriver.Chrome, seedbed: str, folder: Path) -> None:
+def check_hostile_names(browser: Browser, seedbed: str, folder: Path) -> None:
     """Names and units that try to become markup stay texts; states that are NaN are marked."""
     name = "<!--<script>a,b:c;1=|\x1b[31m\u202e\x9b</script><img src=x onerror=\"window.wasRun = 1\">"
     states = np.stack([np.linspace(-1, 1, 101), np.linspace(0, 5, 101)], axis=1)
@@ -607,7 +631,7 @@ STUDY = """Study(
 )"""
 
 
-def check_report(browser: webdriver.Chrome, seedbed: str, folder: Path) -> None:
+def check_report(browser: Browser, seedbed: str, folder: Path) -> None:
     """The report of a study has one panel per cell, in a frame, and one brush selects in both."""
     (folder / "study.ron").write_text(STUDY)
     subprocess.run([seedbed, "study", folder / "study.ron", "--out", folder / "study"], check=True, capture_output=True)
@@ -615,57 +639,70 @@ def check_report(browser: webdriver.Chrome, seedbed: str, folder: Path) -> None:
     frame = browser.find_element(By.CSS_SELECTOR, "iframe.states")
     browser.execute_script("arguments[0].scrollIntoView()", frame)
     browser.switch_to.frame(frame)
-    WebDriverWait(browser, 60).until(lambda _: browser.execute_script("return document.documentElement.dataset.ready"))
+    WebDriverWait(browser, 60).until(lambda _: browser.execute_script("return document.documentElement?.dataset.ready"))
     runs, agents, selected, all_states = browser.execute_script("""
         const { panels, axes } = explorer;
         const sums = () => panels.map((panel) => panel.selection.count);
         const all = sums();
-        explorer.setBrush(axes.findIndex((axis) => axis.name === "theta"), [32767, MAX_LEVEL]);
+        explorer.setBrush(axes.findIndex((axis) => axis.name === "theta"), [32767, arguments[0]]);
         explorer.draw();
-        return [panels.map((panel) => panel.run.name), panels.map((panel) => panel.run.agents), sums(), all];""")
+        return [panels.map((panel) => panel.run.name), panels.map((panel) => panel.run.agents), sums(), all];""", MAX_LEVEL)
     assert (runs, agents) == (["K 2", "K 3"], [2, 3]), (runs, agents)
     assert all(0 < some < every for some, every in zip(selected, all_states)), (selected, all_states)
     assert browser.find_element(By.ID, "copy-link").get_property("hidden"), "a frame has no address of its own"
     assert browser.execute_script("return [explorer.colors().includes('outcome'), explorer.panels[0].scatter.plots.length]") == [False, 1]
     browser.switch_to.default_content()
-    assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
+    assert messages(browser) == []
+
+
+def check_everywhere(page: Page, states: dict[str, np.ndarray], seedbed: str, run: Path, folder: Path) -> None:
+    """What works in every browser."""
+    check_random_brushes(page, states, random.Random(0))
+    check_ranges_of_brushes(page, states, random.Random(1))
+    check_written_ranges(page, states)
+    check_difference(page)
+    check_pointer(page)
+    check_keyboard(page)
+    check_files(page)
+    check_film(page)
+    check_scatter(page, states)
+    check_colors(page, states)
+    check_typed_ranges(page, states)
+    assert page.errors() == [], page.errors()
+    check_films(page.browser, seedbed, folder)
+    check_two_runs(page.browser, seedbed, run, folder)
+    check_hostile_names(page.browser, seedbed, folder)
+    check_report(page.browser, seedbed, folder)
+
+
+def check_in_chromium(page: Page, path: Path, update: bool) -> None:
+    """What is compared with a stored picture, or needs fingers and windows of given sizes, which only Chromium imitates."""
+    check_touch(page)
+    check_picture(page, update)
+    check_hint(page.browser, path)
+    check_layout(page.browser, path)
+    assert page.errors() == [], page.errors()
 
 
 def main() -> None:
-    seedbed, run, update = sys.argv[1], Path(sys.argv[2]), "--update" in sys.argv
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        path = write_page(seedbed, folder / "page.html", run)
-        assert path.read_bytes() == write_page(seedbed, folder / "again.html", run).read_bytes(), "the same run gives the same bytes"
-        assert "http://" not in re.sub(r"http://www\.w3\.org/\S+", "", path.read_text()) and "https://" not in path.read_text(), "the page loads nothing"
-        states, _ = read_states(seedbed, run, folder)
-        browser = start_browser()
-        try:
-            page = Page(browser, path)
-            check_random_brushes(page, states, random.Random(0))
-            check_ranges_of_brushes(page, states, random.Random(1))
-            check_written_ranges(page, states)
-            check_difference(page)
-            check_pointer(page)
-            check_touch(page)
-            check_keyboard(page)
-            check_files(page)
-            check_film(page)
-            check_scatter(page, states)
-            check_colors(page, states)
-            check_typed_ranges(page, states)
-            check_picture(page, update)
-            errors = page.errors()
-            assert errors == [], errors
-            check_hint(browser, path)
-            check_layout(browser, path)
-            check_films(browser, seedbed, folder)
-            check_two_runs(browser, seedbed, run, folder)
-            check_hostile_names(browser, seedbed, folder)
-            check_report(browser, seedbed, folder)
-        finally:
-            browser.quit()
-    print("the page of visited states was used in Chromium")
+    seedbed, run, geckodriver, update = sys.argv[1], Path(sys.argv[2]), sys.argv[3], "--update" in sys.argv
+    for name, start in (("Chromium", lambda _: start_chromium()), ("Firefox", lambda log: start_firefox(geckodriver, log))):
+        with tempfile.TemporaryDirectory() as folder_name:
+            folder = Path(folder_name)
+            path = write_page(seedbed, folder / "page.html", run)
+            assert path.read_bytes() == write_page(seedbed, folder / "again.html", run).read_bytes(), "the same run gives the same bytes"
+            assert "http://" not in re.sub(r"http://www\.w3\.org/\S+", "", path.read_text()) and "https://" not in path.read_text(), "the page loads nothing"
+            states, _ = read_states(seedbed, run, folder)
+            browser = start(folder / "driver.log")
+            try:
+                page = Page(browser, path)
+                if name == "Chromium":
+                    check_in_chromium(page, path, update)
+                    page = Page(browser, path)
+                check_everywhere(page, states, seedbed, run, folder)
+            finally:
+                browser.quit()
+        print(f"the page of visited states was used in {name}")
 
 
 main()
