@@ -94,7 +94,7 @@ pub(super) fn execute_runs(
         "stopping; finished runs are kept, and the same command resumes the study",
     );
     let stop = stop_requests.flag();
-    let progress = Mutex::new(StudyProgress::new(&study.name, runs));
+    let progress = Mutex::new(StudyProgress::new(&study.name, runs, jobs(args)));
     let failures = Mutex::new(Vec::new());
     let finished_runs = AtomicUsize::new(0);
     let curves = args
@@ -110,7 +110,7 @@ pub(super) fn execute_runs(
         progress
             .lock()
             .expect(LOCK_IS_INTACT)
-            .run_finished(finished.run);
+            .run_finished(finished.run, finished.seconds);
         if let Some(reason) = finished.failure {
             failures
                 .lock()

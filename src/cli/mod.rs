@@ -28,6 +28,7 @@ mod explore;
 mod export;
 mod film;
 mod floor;
+mod forecast;
 mod former_names;
 mod groups;
 mod inspect;

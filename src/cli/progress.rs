@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 
+use super::forecast::Forecast;
 use seedbed::run::measures::RoundRows;
 use seedbed::run::{Observer, Progress};
 use seedbed::study::design::cell::PlannedRun;
@@ -182,9 +183,9 @@ pub(super) struct StudyProgress {
     /// Estimated cost of all runs.
     cost: f64,
     finished_cost: f64,
+    forecast: Forecast,
     /// Number of tenths of the cost for which a line was printed.
     printed_tenths: usize,
-    started: Instant,
     last_line: Instant,
 }
 
@@ -192,7 +193,7 @@ pub(super) struct StudyProgress {
 const MAX_SILENCE: Duration = Duration::from_mins(5);
 
 impl StudyProgress {
-    pub(super) fn new(name: &str, planned: &[PlannedRun<'_>]) -> Self {
+    pub(super) fn new(name: &str, planned: &[PlannedRun<'_>], threads: usize) -> Self {
         let style = ProgressStyle::with_template("{prefix} {bar:32} {msg}")
             .unwrap_or_else(|_| ProgressStyle::default_bar());
         let bar = std::io::stderr().is_terminal().then(|| {
@@ -207,17 +208,23 @@ impl StudyProgress {
             finished_runs: 0,
             cost,
             finished_cost: 0.0,
+            forecast: Forecast::new(planned, threads),
             printed_tenths: 0,
-            started: Instant::now(),
             last_line: Instant::now(),
         };
         progress.show();
         progress
     }
 
-    pub(super) fn run_finished(&mut self, run: &PlannedRun<'_>) {
+    /// `seconds`: for which a thread worked on the run
+    pub(super) fn run_finished(&mut self, run: &PlannedRun<'_>, seconds: f64) {
         self.finished_runs += 1;
         self.finished_cost += run.cell.source.cost();
+        let was_measured = self.forecast.is_measured();
+        self.forecast.run_finished(run.cell.digest(), seconds);
+        if self.forecast.is_measured() && !was_measured {
+            self.print_forecast();
+        }
         self.show();
         let tenths = (10.0 * self.finished_share() + 1e-9) as usize;
         let is_due = tenths > self.printed_tenths || self.last_line.elapsed() > MAX_SILENCE;
@@ -225,6 +232,16 @@ impl StudyProgress {
             self.printed_tenths = tenths;
             self.last_line = Instant::now();
             note!("{}", self.message());
+        }
+    }
+
+    /// Prints how long all runs take, when one of each cell has finished.
+    fn print_forecast(&self) {
+        let left = self.forecast.seconds_left().map(remaining_time);
+        if let Some(left) = left.filter(|left| left.contains("min")) {
+            self.print(&format!(
+                "forecast   one run of each cell is finished{left}"
+            ));
         }
     }
 
@@ -253,12 +270,8 @@ impl StudyProgress {
     }
 
     fn message(&self) -> String {
-        let elapsed = self.started.elapsed().as_secs_f64();
-        let left = if self.finished_runs == 0 {
-            String::new()
-        } else {
-            remaining_time(elapsed * (1.0 / self.finished_share() - 1.0))
-        };
+        let left = self.forecast.seconds_left().map(remaining_time);
+        let left = left.unwrap_or_default();
         format!("{}/{} runs{left}", self.finished_runs, self.runs)
     }
 }

@@ -220,10 +220,13 @@ pub(super) fn repeat<'a>(
 ) -> Result<Vec<PlannedRun<'a>>, CliError> {
     let stop_requests = StopRequests::listen("stopping; stored results are unchanged");
     let stop = stop_requests.flag();
-    let progress = Mutex::new(StudyProgress::new(&plan.name, runs));
+    let progress = Mutex::new(StudyProgress::new(&plan.name, runs, jobs));
     let differing = Mutex::new(Vec::new());
-    runner::verify(runs, expected, jobs, stop, &|run, is_same| {
-        progress.lock().expect(LOCK_IS_INTACT).run_finished(run);
+    runner::verify(runs, expected, jobs, stop, &|run, is_same, seconds| {
+        progress
+            .lock()
+            .expect(LOCK_IS_INTACT)
+            .run_finished(run, seconds);
         if !is_same {
             differing.lock().expect(LOCK_IS_INTACT).push(*run);
         }

@@ -1,14 +1,15 @@
 //! Runs the missing runs of a study, or verifies its stored runs, on several threads. Each free
 //! thread takes the longest of the remaining runs, and with it others of the same cell if they are
-//! faster together.
+//! faster together. Before all others, one run of each cell is taken, so that times are known.
 
 use std::any::Any;
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 use crate::experiment::COST_PER_MINUTE;
 use crate::experiment::{Outcome, RunControl, RunQueue, RunRequest};
@@ -24,6 +25,8 @@ pub struct FinishedRun<'a> {
     pub run: &'a PlannedRun<'a>,
     /// Why the run failed; `None` if it did not fail.
     pub failure: Option<&'a str>,
+    /// Seconds for which a thread worked on it.
+    pub seconds: f64,
 }
 
 /// Executes `runs` on `jobs` threads, and stores each result when its run has ended. A run that
@@ -42,13 +45,14 @@ pub fn run(
     let runs = runs.iter().map(|run| (run, run.windows().to_vec()));
     let marks = RunMarks::new();
     let on_begun = |run: &PlannedRun<'_>| marks.begin(folder.mark_file(run));
-    measure_all(runs, jobs, control, &on_begun, &|run, outcome| {
+    measure_all(runs, jobs, control, &on_begun, &|run, outcome, seconds| {
         let stored = folder.store(run, outcome)?;
         marks.end(&folder.mark_file(run));
         folder.remove_checkpoint(run);
         on_finished(&FinishedRun {
             run,
             failure: stored.outcome.as_ref().err().map(String::as_str),
+            seconds,
         });
         Ok(())
     })
@@ -91,18 +95,18 @@ impl ExpectedResults for StudyFolder {
 }
 
 /// Repeats runs from their beginning, without storing anything, and calls `on_verified` for each run with
-/// whether its result is the `expected` one.
+/// whether its result is the `expected` one, and the seconds for which a thread worked on it.
 pub fn verify<'a>(
     runs: &'a [PlannedRun<'a>],
     expected: &dyn ExpectedResults,
     jobs: usize,
     interrupted: &AtomicBool,
-    on_verified: &(dyn Fn(&'a PlannedRun<'a>, bool) + Sync),
+    on_verified: &(dyn Fn(&'a PlannedRun<'a>, bool, f64) + Sync),
 ) {
     let runs = runs.iter().map(|run| (run, expected.windows(run)));
     let on_begun = |_: &PlannedRun<'_>| {};
-    let on_outcome = |run: &'a PlannedRun<'a>, outcome| {
-        on_verified(run, expected.is_reproduced_by(run, &outcome));
+    let on_outcome = |run: &'a PlannedRun<'a>, outcome, seconds| {
+        on_verified(run, expected.is_reproduced_by(run, &outcome), seconds);
         Ok(())
     };
     let control = RunControl::without_checkpoints(interrupted);
@@ -116,8 +120,8 @@ const MAX_COST_TOGETHER: f64 = COST_PER_MINUTE;
 /// What is done when a run begins.
 type OnBegun<'f> = &'f (dyn Fn(&PlannedRun<'_>) + Sync);
 
-/// What is done with the outcome of a run.
-type OnOutcome<'a, 'f, E> = &'f (dyn Fn(&'a PlannedRun<'a>, Outcome) -> Result<(), E> + Sync);
+/// What is done with the outcome of a run, for which a thread worked so many seconds.
+type OnOutcome<'a, 'f, E> = &'f (dyn Fn(&'a PlannedRun<'a>, Outcome, f64) -> Result<(), E> + Sync);
 
 /// Measures `runs`, each with its windows of episodes, on `jobs` threads, and calls `on_begun` and
 /// `on_outcome` for each, until a call fails or they are interrupted. Returns the first error.
@@ -141,7 +145,7 @@ fn measure_all<'a, E: Send>(
         .map_or(Ok(()), Err)
 }
 
-/// The runs that no thread has taken yet, the longest first.
+/// The runs that no thread has taken yet: one of each cell, then the others, in both parts the longest first.
 struct SharedQueue<'a, 'f, E> {
     on_begun: OnBegun<'f>,
     waiting: Mutex<VecDeque<(&'a PlannedRun<'a>, Vec<u32>)>>,
@@ -149,19 +153,34 @@ struct SharedQueue<'a, 'f, E> {
     first_error: Mutex<Option<E>>,
 }
 
+/// One run of each cell, then the others, in both parts the longest first.
+fn in_order<'a>(
+    mut runs: Vec<(&'a PlannedRun<'a>, Vec<u32>)>,
+) -> VecDeque<(&'a PlannedRun<'a>, Vec<u32>)> {
+    let cost = |run: &PlannedRun<'_>| run.cell.source.cost();
+    runs.sort_by(|(a, _), (b, _)| cost(b).total_cmp(&cost(a)));
+    let mut cells = HashSet::new();
+    let (mut first, mut others) = (VecDeque::new(), VecDeque::new());
+    for (run, windows) in runs {
+        let part = if cells.insert(run.cell.digest()) {
+            &mut first
+        } else {
+            &mut others
+        };
+        part.push_back((run, windows));
+    }
+    first.append(&mut others);
+    first
+}
+
 impl<'a, 'f, E: Send> SharedQueue<'a, 'f, E> {
     fn new(
         runs: impl Iterator<Item = (&'a PlannedRun<'a>, Vec<u32>)>,
         on_begun: OnBegun<'f>,
     ) -> Self {
-        let mut waiting: Vec<_> = runs.collect();
-        waiting.sort_by(|(a, _), (b, _)| {
-            let (a, b) = (a.cell.source.cost(), b.cell.source.cost());
-            b.total_cmp(&a)
-        });
         Self {
             on_begun,
-            waiting: Mutex::new(waiting.into()),
+            waiting: Mutex::new(in_order(runs.collect())),
             first_error: Mutex::new(None),
         }
     }
@@ -185,6 +204,7 @@ impl<'a, 'f, E: Send> SharedQueue<'a, 'f, E> {
                 digest,
                 first: Some(first.clone()),
                 unfinished: Vec::new(),
+                since: Instant::now(),
             };
             let affordable = (MAX_COST_TOGETHER / source.cost()) as usize;
             let places = source.runs_together().min(share).min(affordable.max(1));
@@ -206,12 +226,6 @@ impl<'a, 'f, E: Send> SharedQueue<'a, 'f, E> {
         let index = waiting.iter().position(|(run, _)| is_wanted(run))?;
         waiting.remove(index)
     }
-
-    fn report(&self, run: &'a PlannedRun<'a>, outcome: Outcome, on_outcome: OnOutcome<'a, '_, E>) {
-        if let Err(error) = on_outcome(run, outcome) {
-            lock(&self.first_error).get_or_insert(error);
-        }
-    }
 }
 
 /// The runs of one cell that one thread takes.
@@ -222,6 +236,8 @@ struct CellQueue<'a, 'q, E> {
     /// The run that was taken already.
     first: Option<(&'a PlannedRun<'a>, Vec<u32>)>,
     unfinished: Vec<(&'a PlannedRun<'a>, RunRequest)>,
+    /// When a run finished last, or when the first began.
+    since: Instant,
 }
 
 impl<E: Send> RunQueue for CellQueue<'_, '_, E> {
@@ -242,12 +258,21 @@ impl<E: Send> RunQueue for CellQueue<'_, '_, E> {
         let is_finished = |(run, _): &(&PlannedRun<'_>, RunRequest)| run.index == request.index;
         if let Some(index) = self.unfinished.iter().position(is_finished) {
             let (run, _) = self.unfinished.swap_remove(index);
-            self.shared.report(run, outcome, self.on_outcome);
+            self.report(run, outcome);
         }
     }
 }
 
-impl<E: Send> CellQueue<'_, '_, E> {
+impl<'a, E: Send> CellQueue<'a, '_, E> {
+    /// The thread works on runs that it measures together one after the other, as far as times can tell.
+    fn report(&mut self, run: &'a PlannedRun<'a>, outcome: Outcome) {
+        let seconds = self.since.elapsed().as_secs_f64();
+        self.since = Instant::now();
+        if let Err(error) = (self.on_outcome)(run, outcome, seconds) {
+            lock(&self.shared.first_error).get_or_insert(error);
+        }
+    }
+
     /// Measures each run that was begun with others by itself, so that a panic concerns the run that
     /// causes it only.
     fn measure_unfinished_alone(&mut self, control: RunControl<'_>) {
@@ -262,7 +287,7 @@ impl<E: Send> CellQueue<'_, '_, E> {
                 Ok(Err(reason)) => Err(reason),
                 Err(panic) => Err(format!("panicked: {}", panic_message(&*panic))),
             };
-            self.shared.report(run, outcome, self.on_outcome);
+            self.report(run, outcome);
         }
     }
 }
