@@ -1,5 +1,6 @@
 //! Which runs a study executes, and what it stores of them.
 
+use std::collections::HashSet;
 use std::fs;
 use std::process::{Output, Stdio};
 
@@ -82,6 +83,20 @@ fn a_crashed_study_runs_only_its_missing_runs() {
     let (_folder, _, without_crash) = write_study("");
     assert!(run_study(&study, &without_crash, &[]).status.success());
     assert_eq!(stored_results(&out), stored_results(&without_crash));
+}
+
+/// The study crashes when three of its twelve runs are finished, one of each of its three cells.
+#[test]
+fn one_run_of_each_cell_is_run_first() {
+    let (_folder, study, out) = write_study(&study_text(4, ""));
+    let path = out.to_str().unwrap();
+    let arguments = ["study", &study, "--out", path, "--jobs", "1"];
+    crash(command(&[&arguments[..], &["--abort-after-runs", "3"]].concat()));
+    let names = result_files(&out).into_iter().map(|path| {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        name.split('-').next().unwrap().to_owned()
+    });
+    assert_eq!(names.collect::<HashSet<String>>().len(), 3);
 }
 
 /// Two cells with equal settings are run once and reported twice. The stored runs have the visited
