@@ -85,7 +85,7 @@ fn check_file(path: &Path) -> Result<Checked, InputError> {
             if plan.cells.iter().any(|cell| cell.source.found().is_none()) {
                 StudyPlan::load_before_results(path, true)?;
             }
-            warnings.extend(warnings_of(&plan.cells));
+            warnings.extend(plan.warnings());
             let (cells, claims) = (
                 pluralize(plan.cells.len(), "cell"),
                 pluralize(plan.study().claims.len(), "claim"),

@@ -329,7 +329,7 @@ enum NewKind {
   seedbed preview lander --film                            and recordings/preview/lander.gif
   seedbed preview envs/lander.ron --episodes 10 --seed 3")]
 struct PreviewArgs {
-    /// Name of an environment, or an environment file
+    /// Name of an environment, an environment file, a scenario, or gymnasium:ID
     #[arg(value_name = "ENV")]
     environment: PathBuf,
     /// Number of episodes

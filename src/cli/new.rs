@@ -16,7 +16,7 @@ const STUDY: &str = include_str!("templates/study.ron");
 const README: &str = include_str!("templates/README.md");
 
 /// Beginning of `--env` for environments of Gymnasium.
-const GYMNASIUM: &str = "gymnasium:";
+pub(super) const GYMNASIUM: &str = "gymnasium:";
 
 /// Name of the task and of the scenario in a new workspace.
 const FIRST_NAME: &str = "short_pole";
@@ -141,7 +141,7 @@ fn new_task(args: &NewArgs) -> Result<NewFile, CliError> {
 
 /// The text of an environment of Gymnasium for a file in `folder`, with a time limit if it needs one, and what Python
 /// says of it.
-fn read_gymnasium(
+pub(super) fn read_gymnasium(
     name: &str,
     folder: &Path,
     id: &str,

@@ -44,7 +44,7 @@ pub(super) struct PlotArgs {
     /// with several runs, plot.svg in the current directory]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Draw these parts, one below the other; separate with commas [default: scatter of two axes,
+    /// Draw these parts, one below the other in this order; separate with commas [default: scatter of two axes,
     /// visitation, difference, density, returns; without a recording returns and curves]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PART,PART…")]
     what: Vec<PlotPart>,

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::new::{GYMNASIUM, read_gymnasium};
 use super::replay::check_suffix;
 use super::run::recorder_factory_at;
 use super::{CliError, PreviewArgs, film, former_names, pluralize};
@@ -10,17 +11,14 @@ use seedbed::input_files::{self, Directory};
 use seedbed::record::RecordedStates;
 use seedbed::review::LoadRunError;
 use seedbed::run::facts::EpisodeRow;
-use seedbed::run::preview;
+use seedbed::run::{Plan, preview};
 use seedbed::storage::incomplete::Incomplete;
-use seedbed_env::{Physics, physics_warnings};
-use seedbed_input::former_names_in;
+use seedbed_env::{Physics, TaskDescription, physics_warnings};
 use seedbed_input::numbers::Count;
+use seedbed_input::{FileKind, file_kind, former_names_in};
 
 pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
-    let path = input_files::find_argument(&args.environment, &[Directory::Environments])?;
-    let description = input_files::read_task(&path)?.0;
-    let names = former_names_in(&input_files::read_text(&path)?);
-    former_names::warn(&path, &names, &[]);
+    let description = task(&args.environment)?;
     let episodes = Count::try_from(args.episodes)
         .map_err(|message| CliError::Usage(format!("--episodes: {message}")))?;
     let physics = if args.analytic {
@@ -84,6 +82,25 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
         );
     }
     Ok(())
+}
+
+/// The task with this name or path, that of a scenario, or `gymnasium:ID`.
+fn task(argument: &Path) -> Result<TaskDescription, CliError> {
+    if let Some(id) = argument
+        .to_str()
+        .and_then(|text| text.strip_prefix(GYMNASIUM))
+    {
+        let (_, task) = read_gymnasium("preview", Path::new(""), id)?;
+        return Ok(task?.into());
+    }
+    let path =
+        input_files::find_argument(argument, &[Directory::Environments, Directory::Scenarios])?;
+    let text = input_files::read_text(&path)?;
+    former_names::warn(&path, &former_names_in(&text), &[]);
+    match file_kind(&path.display().to_string(), &text)? {
+        FileKind::Scenario => Ok(Plan::load(&path, &[])?.description),
+        _ => Ok(input_files::read_task(&path)?.0),
+    }
 }
 
 /// Maximum duration of a film, s.

@@ -35,47 +35,8 @@ impl PlotPage<'_> {
         let settings = self.settings;
         self.check_data()?;
         let (mut rows, mut notes) = (Vec::new(), Vec::new());
-        if settings.shows(Part::Scatter) && settings.parts.is_empty() {
-            rows.extend(self.scatter());
-        }
-        if settings.shows(Part::Visitation) {
-            rows.extend(self.visitation());
-        }
-        if settings.shows(Part::Difference) {
-            rows.extend(self.difference());
-        }
-        // By default, the density is omitted if it would show the same states as another panel: the
-        // states of a single agent, or those of each of several runs.
-        let adds_density = settings.parts.contains(&Part::Density)
-            || (self.runs.len() == 1 && self.runs[0].states.len() > 1);
-        if settings.shows(Part::Density) && adds_density {
-            rows.extend(self.density());
-        }
-        if settings.shows(Part::Scatter) && !settings.parts.is_empty() {
-            rows.extend(self.scatter());
-        }
-        if settings.shows(Part::Returns) {
-            rows.push(curves::returns_row(
-                self.runs,
-                &settings.agents,
-                settings.over,
-            ));
-        }
-        if settings.shows(Part::Curves) {
-            let other_ranges = curves::other_ranges(self.runs);
-            let are_comparable = other_ranges.is_none();
-            notes.extend(other_ranges.map(|difference| {
-                format!(
-                    "coverage, evenness and effective agents are not drawn, because they are measured on other axes: \
-                     {difference}"
-                )
-            }));
-            rows.extend(curves::metric_rows(
-                self.runs,
-                settings,
-                are_comparable,
-                self.columns_of_width(240.0),
-            ));
+        for part in settings.parts_in_order() {
+            rows.extend(self.rows_of(part, &mut notes));
         }
         let figure = Figure {
             title: self.title(),
@@ -84,6 +45,45 @@ impl PlotPage<'_> {
             rows,
         };
         Ok((figure, notes))
+    }
+
+    fn rows_of(&self, part: Part, notes: &mut Vec<String>) -> Vec<Row> {
+        let settings = self.settings;
+        match part {
+            Part::Scatter => self.scatter(),
+            Part::Visitation => self.visitation(),
+            Part::Difference => self.difference(),
+            // By default, the density is omitted if it would show the same states as another panel: the
+            // states of a single agent, or those of each of several runs.
+            Part::Density => {
+                let shows_others = self.runs.len() == 1 && self.runs[0].states.len() > 1;
+                if shows_others || settings.parts.contains(&Part::Density) {
+                    self.density()
+                } else {
+                    Vec::new()
+                }
+            }
+            Part::Returns => vec![curves::returns_row(
+                self.runs,
+                &settings.agents,
+                settings.over,
+            )],
+            Part::Curves => self.curves(notes),
+            Part::All => Vec::new(),
+        }
+    }
+
+    /// Curves over rounds; a note says which are not drawn.
+    fn curves(&self, notes: &mut Vec<String>) -> Vec<Row> {
+        let other_ranges = curves::other_ranges(self.runs);
+        let are_comparable = other_ranges.is_none();
+        notes.extend(other_ranges.map(|difference| {
+            format!(
+                "coverage, evenness and effective agents are not drawn, because they are measured on other axes: {difference}"
+            )
+        }));
+        let columns = self.columns_of_width(240.0);
+        curves::metric_rows(self.runs, self.settings, are_comparable, columns)
     }
 
     /// Checks that the runs have the data for the requested panels.

@@ -67,6 +67,16 @@ const DEFAULT_PARTS: [Part; 5] = [
     Part::Returns,
 ];
 
+/// All parts, in the order in which they are drawn.
+const ALL_PARTS: [Part; 6] = [
+    Part::Visitation,
+    Part::Difference,
+    Part::Density,
+    Part::Scatter,
+    Part::Returns,
+    Part::Curves,
+];
+
 /// The parts that show states.
 const PARTS_WITH_STATES: [Part; 4] = [
     Part::Visitation,
@@ -88,6 +98,23 @@ impl FigureSettings {
             &self.parts
         };
         parts.contains(&part) || parts.contains(&Part::All)
+    }
+
+    /// The parts that are drawn, from the top.
+    pub(super) fn parts_in_order(&self) -> Vec<Part> {
+        if self.parts.is_empty() {
+            return DEFAULT_PARTS.to_vec();
+        }
+        if self.parts.contains(&Part::All) {
+            return ALL_PARTS.to_vec();
+        }
+        let mut parts: Vec<Part> = Vec::new();
+        for part in &self.parts {
+            if !parts.contains(part) {
+                parts.push(*part);
+            }
+        }
+        parts
     }
 
     /// Whether any part shows states.

@@ -53,16 +53,17 @@ impl Key {
     pub(super) fn width(&self) -> f64 {
         match self {
             Self::Categories(names) => {
-                let max_width = names
-                    .iter()
-                    .map(|(name, _)| text_width(name, TICK_SIZE, Weight::Regular))
-                    .fold(0.0, f64::max);
-                (max_width + 30.0).min(180.0)
+                let names = names.iter().map(|(name, _)| name.as_str());
+                (widest(names) + 30.0).min(180.0)
             }
-            Self::Continuous { .. }
-            | Self::Counts { .. }
-            | Self::Shares { .. }
-            | Self::Differences { .. } => 78.0,
+            Self::Continuous { range, .. } => {
+                width_of_bar(&Scale::new(*range, [0.0, 1.0]).ticks(4))
+            }
+            Self::Counts { max_count, .. } => width_of_bar(&count_ticks(*max_count)),
+            Self::Shares {
+                max_count, total, ..
+            } => width_of_bar(&share_ticks(*max_count, *total)),
+            Self::Differences { max, .. } => width_of_bar(&difference_ticks(*max)),
         }
     }
 
@@ -96,9 +97,7 @@ impl Key {
                 draw_bar(area, svg, label, |theme, share| {
                     theme.difference_color(2.0 * share - 1.0)
                 });
-                for root in [-1.0, -0.5, 0.0, 0.5, 1.0_f64] {
-                    let percent = 100.0 * max * root * root * root.signum();
-                    let text = format!("{} %", format_significant(percent, 2));
+                for (root, text) in difference_ticks(*max) {
                     let y = area.bottom() - f64::midpoint(root, 1.0) * area.height;
                     draw_tick(area, svg, y, &text);
                 }
@@ -113,6 +112,26 @@ impl Key {
             }
         }
     }
+}
+
+/// Width of the widest text.
+fn widest<'a>(texts: impl Iterator<Item = &'a str>) -> f64 {
+    let widths = texts.map(|text| text_width(text, TICK_SIZE, Weight::Regular));
+    widths.fold(0.0, f64::max)
+}
+
+/// Width of a color bar with the labels of its ticks, and the label of all on their right.
+fn width_of_bar<T>(ticks: &[(T, String)]) -> f64 {
+    let texts = ticks.iter().map(|(_, text)| text.as_str());
+    (widest(texts) + 38.0).max(78.0)
+}
+
+/// Ticks of a scale of differences up to `max`: square roots of shares of `max`, with labels.
+fn difference_ticks(max: f64) -> [(f64, String); 5] {
+    [-1.0, -0.5, 0.0, 0.5, 1.0].map(|root: f64| {
+        let percent = 100.0 * max * root * root * root.signum();
+        (root, format!("{} %", format_significant(percent, 2)))
+    })
 }
 
 /// Ticks of a scale of counts: at 1, at powers of ten that are not too close to `max_count`, and at
@@ -246,6 +265,20 @@ mod tests {
             ["0.005 %", "0.1 %", "1 %", "12 %"]
         );
         assert!((shares[1].0 - 20.0).abs() < 1e-9 && shares[3].0 == 2469.0);
+    }
+
+    /// The widest label, `0.0091 %`, does not touch the label of the scale.
+    #[test]
+    fn keys_with_long_labels_are_wider() {
+        let shares = |max_count, total| Key::Shares {
+            label: "share".to_owned(),
+            max_count,
+            total,
+        };
+        assert_eq!(shares(12, 100).width().to_bits(), 78.0_f64.to_bits());
+        let long = shares(132, 10_989);
+        let text = text_width("0.0091 %", TICK_SIZE, Weight::Regular);
+        assert!(long.width() >= BAR_WIDTH + 6.0 + text + LABEL_SIZE + 4.0);
     }
 
     #[test]

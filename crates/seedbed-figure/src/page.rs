@@ -145,13 +145,19 @@ impl Row {
         page - 2.0 * MARGIN - self.key_width()
     }
 
-    /// The row or, if its panels of states would be too narrow on a page of this width, several rows of fewer panels.
-    pub(super) fn split_for(self, page: f64) -> Vec<Self> {
+    /// The row or, if its panels of states would be too narrow on a page of this width, several rows of fewer panels. Rows of maps
+    /// to scale are no higher than these.
+    pub(super) fn split_for(mut self, page: f64) -> Vec<Self> {
         let columns = self.panels.len().max(1);
         let width = self.width_of_panels(page);
         let needed = self.panels.iter().map(Panel::min_width).fold(0.0, f64::max);
         let fitting = ((width / needed.max(1.0)) as usize).clamp(1, columns);
         if fitting == columns || needed == 0.0 {
+            let height_of_map = self
+                .panels
+                .first()
+                .and_then(|panel| panel.height_of_map(width / columns as f64 - GAP));
+            self.height = self.height.min(height_of_map.unwrap_or(self.height));
             return vec![self];
         }
         let panels = self.panels.iter().filter(|panel| **panel != Panel::Blank);
@@ -521,7 +527,12 @@ mod tests {
         assert_eq!(rows[1].panels[1], Panel::Blank);
         // 284 / 2 − 10 − 60 + 68 pixels.
         assert!((rows[0].height - 140.0).abs() < 1e-9, "{}", rows[0].height);
-        assert_eq!(row.clone().split_for(380.0), [row]);
+        // 364 / 3 − 10 − 60 would be less than the smallest map of 60 pixels.
+        let fitting = Row {
+            height: 128.0,
+            ..row.clone()
+        };
+        assert_eq!(row.split_for(380.0), [fitting]);
     }
 
     #[test]

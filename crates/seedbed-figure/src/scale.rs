@@ -47,14 +47,32 @@ impl Scale {
                 return ticks;
             }
         }
-        let step = round_step((high - low) / count.max(1) as f64);
-        let first = (low / step - 1e-9).ceil() as i64;
-        let last = (high / step + 1e-9).floor() as i64;
+        let step =
+            step_of_several_ticks([low, high], round_step((high - low) / count.max(1) as f64));
+        let [first, last] = multiples_within([low, high], step);
         (first..=last)
             .map(|index| index as f64 * step)
             .map(|value| (value, tick_label(value, step, low.abs().max(high.abs()))))
             .collect()
     }
+}
+
+/// The first and the last multiple of a step within a range.
+fn multiples_within([low, high]: [f64; 2], step: f64) -> [i64; 2] {
+    let first = (low / step - 1e-9).ceil() as i64;
+    let last = (high / step + 1e-9).floor() as i64;
+    [first, last]
+}
+
+/// A round step or, if a range has one multiple of it only, which says nothing of its length, the largest of some smaller steps
+/// with several.
+fn step_of_several_ticks(range: [f64; 2], step: f64) -> f64 {
+    let has_several = |step: &f64| {
+        let [first, last] = multiples_within(range, *step);
+        last > first
+    };
+    let smaller = [1.0, 0.8, 0.4, 0.2].map(|factor| factor * step);
+    smaller.into_iter().find(has_several).unwrap_or(step)
 }
 
 /// Ticks at no more than `count` powers of ten, with their labels. If fewer than three are in the

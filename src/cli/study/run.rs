@@ -9,7 +9,6 @@ use crate::cli::execution::{
     print_failures, print_finished, warn_of_damaged_files,
 };
 use crate::cli::{CliError, memory, pluralize, report};
-use seedbed::study::design::cell::warnings_of;
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::execute::shard::Shard;
 use seedbed::study::store::StudyFolder;
@@ -170,7 +169,7 @@ fn run_missing(
         say!("study      {}: {cells}", plan.name);
     }
     print_results_of_others(plan);
-    for warning in warnings_of(&plan.cells) {
+    for warning in plan.warnings() {
         note!("warning: {}", terminal_line(&warning));
     }
     let started = Instant::now();

@@ -3,14 +3,15 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use super::cell::{Cell, PlannedRun, missing_measure, unequal_axes};
+use super::cell::{Cell, PlannedRun, missing_measure, unequal_axes, warnings_of};
 use super::drafts::cells;
 use super::figure::{CurveAxis, Figure};
 use super::file::Study;
 use super::lock::Lock;
 use crate::study::external::{ExternalRuns, Problem};
-use crate::text::file_stem;
+use crate::text::{file_stem, pluralize};
 use seedbed_input::{Document, InputError, ValidationError};
+use seedbed_stats::MIN_RUNS;
 
 /// A checked study that can be run.
 #[derive(Clone, Debug)]
@@ -98,6 +99,21 @@ impl StudyPlan {
         } else {
             full_repeats
         })
+    }
+
+    /// Why the study may not say what it seems to: warnings of its cells, and too few runs for verdicts.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = warnings_of(&self.cells);
+        let has_verdicts = self.study().claims.iter().any(|claim| claim.confirmatory);
+        let has_own_runs = self.cells.iter().any(|cell| cell.source.found().is_none());
+        if has_verdicts && has_own_runs && !self.quick && self.repeats() < MIN_RUNS as u64 {
+            warnings.push(format!(
+                "{} of each cell are too few for verdicts on claims: expected `repeats: {MIN_RUNS}` or more",
+                pluralize(self.repeats() as usize, "run")
+            ));
+        }
+        warnings
     }
 
     /// All runs, in the order of their indices.

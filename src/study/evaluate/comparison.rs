@@ -383,7 +383,7 @@ impl Comparison {
         };
         let deviation = standard_error / variance_per_run.sqrt();
         let is_known = deviation > 0.0 && deviation.is_finite() && self.ended_early == [0, 0];
-        is_known.then_some(deviation)
+        (is_known && !self.is_constant).then_some(deviation)
     }
 }
 
@@ -466,8 +466,10 @@ mod tests {
             let found = comparison.deviation(paired).unwrap();
             assert!((found / expected - 1.0).abs() < 0.08, "{found}");
         }
-        let equal = compare(&same, &same, Quantity::Mean, false);
-        assert_eq!(equal.deviation(false), None);
+        for quantity in [Quantity::Mean, Quantity::Share] {
+            let equal = compare(&same, &same, quantity, false);
+            assert_eq!(equal.deviation(false), None, "{quantity:?}");
+        }
     }
 
     /// Up to episode 60, the first cell takes 30, 60, 60 (not solved), 60 (solved at 80) and 30

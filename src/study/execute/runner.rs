@@ -154,20 +154,21 @@ struct SharedQueue<'a, 'f, E> {
 }
 
 /// One run of each cell, then the others, in both parts the longest first.
-fn in_order<'a>(
-    mut runs: Vec<(&'a PlannedRun<'a>, Vec<u32>)>,
-) -> VecDeque<(&'a PlannedRun<'a>, Vec<u32>)> {
-    let cost = |run: &PlannedRun<'_>| run.cell.source.cost();
-    runs.sort_by(|(a, _), (b, _)| cost(b).total_cmp(&cost(a)));
+fn in_order<T>(
+    mut runs: Vec<T>,
+    cell: impl Fn(&T) -> String,
+    cost: impl Fn(&T) -> f64,
+) -> VecDeque<T> {
+    runs.sort_by(|a, b| cost(b).total_cmp(&cost(a)));
     let mut cells = HashSet::new();
     let (mut first, mut others) = (VecDeque::new(), VecDeque::new());
-    for (run, windows) in runs {
-        let part = if cells.insert(run.cell.digest()) {
+    for run in runs {
+        let part = if cells.insert(cell(&run)) {
             &mut first
         } else {
             &mut others
         };
-        part.push_back((run, windows));
+        part.push_back(run);
     }
     first.append(&mut others);
     first
@@ -180,7 +181,11 @@ impl<'a, 'f, E: Send> SharedQueue<'a, 'f, E> {
     ) -> Self {
         Self {
             on_begun,
-            waiting: Mutex::new(in_order(runs.collect())),
+            waiting: Mutex::new(in_order(
+                runs.collect(),
+                |(run, _)| run.cell.digest().to_owned(),
+                |(run, _)| run.cell.source.cost(),
+            )),
             first_error: Mutex::new(None),
         }
     }
@@ -301,4 +306,26 @@ fn panic_message(panic: &(dyn Any + Send)) -> &str {
     let constant = panic.downcast_ref::<&str>().copied();
     let formatted = panic.downcast_ref::<String>().map(String::as_str);
     constant.or(formatted).unwrap_or("no message")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::in_order;
+
+    #[test]
+    fn one_run_of_each_cell_comes_first_and_then_the_longest() {
+        let runs = vec![
+            ("a", 1.0, 0),
+            ("a", 1.0, 1),
+            ("b", 3.0, 0),
+            ("b", 3.0, 1),
+            ("c", 2.0, 0),
+        ];
+        let ordered = in_order(runs, |run| run.0.to_owned(), |run| run.1);
+        let names: Vec<String> = ordered
+            .iter()
+            .map(|(cell, _, repeat)| format!("{cell}{repeat}"))
+            .collect();
+        assert_eq!(names, ["b0", "c0", "a0", "b1", "a1"]);
+    }
 }

@@ -8,8 +8,8 @@ use crate::study::evaluate::claims::ClaimResult;
 use crate::study::evaluate::gate::gates;
 use crate::study::evaluate::results::Results;
 use crate::text::{markdown_cell, markdown_line, pluralize};
-use seedbed_stats::Verdict;
 use seedbed_stats::power::MAX_RUNS;
+use seedbed_stats::{Interval, MIN_RUNS, Verdict};
 
 pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> String {
     let mut text = caveats(results);
@@ -56,10 +56,22 @@ pub fn note_about_claim(results: &Results, claim: &Claim, claim_result: &ClaimRe
     let Some(comparison) = claim_result.comparison else {
         return String::new();
     };
+    if let (Interval::TooFewRuns { n }, Some(_)) = (claim_result.interval, claim_result.verdict) {
+        return format!(
+            "{} too few for a verdict: expected {MIN_RUNS} or more of each cell.",
+            are_counted(n, "run")
+        );
+    }
     let of_times = note_about_times(results, measure, names, &comparison);
     let of_runs = note_about_runs_needed(results, claim, claim_result);
     let notes = [of_times, of_runs.unwrap_or_default()];
     notes.join(" ").trim().to_owned()
+}
+
+/// Such as `1 run is` and `3 runs are`.
+fn are_counted(count: usize, noun: &str) -> String {
+    let verb = if count == 1 { "is" } else { "are" };
+    format!("{} {verb}", pluralize(count, noun))
 }
 
 /// How many runs would decide a claim that is open, if runs differ as much as these.
@@ -100,7 +112,7 @@ fn paragraph(sentence: &str) -> String {
 
 /// Explanation of intervals and p-values below the table.
 const CLAIMS_NOTE: &str = "Holm's procedure decides confirmatory claims: p is one-sided, corrected within the claims \
-    of an effect or those of no effect, and a claim is supported if p is at most 0.025. Its interval has the \
+    of an effect or those of no effect, and a claim is supported if p is at most 0.025 and there are five runs or more. Its interval has the \
     error probability at which it was tested. Exploratory comparisons have single 95 % intervals and no verdict.";
 
 /// Text above the table with the reasons why the results are not final; empty if they are final.

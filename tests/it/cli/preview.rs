@@ -42,6 +42,41 @@ fn preview_records_a_task_without_training() {
     );
 }
 
+/// A scenario is previewed in its own task, and what does not hold in it is said at once.
+#[test]
+fn scenarios_are_previewed_in_their_task() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("weak.ron");
+    let task = r#"Environment(
+        description: "A winch.", gravity: (0.0, -9.81), control_step: 0.02, time_limit: 5, solver: (passes: 1),
+        bodies: [
+            (name: "arm", mass: 1, geoms: [Ball(radius: 0.1)]),
+            (name: "load", mass: 1, geoms: [Ball(radius: 0.1)]),
+        ],
+        joints: [
+            (name: "swing", parent: "world", child: "arm", type: Hinge()),
+            (name: "hoist", parent: "arm", child: "load", type: Slide(axis: (0.0, 1.0))),
+        ],
+        actuators: [(name: "winch", type: VelocityServo(joint: "hoist", kv: 100.0), control: Continuous(-1.0, 1.0))],
+        sensors: [(name: "height", type: JointPosition("hoist"))],
+        observations: [(name: "height", range: (-1.0, 1.0))],
+        reward: "0",
+    )"#;
+    fs::write(&path, task).unwrap();
+    let scenario = folder.path().join("scenario.ron");
+    let text = r#"Scenario(environment: "weak.ron", agents: (count: 1, seeds: Normal(sigma: 0)), algorithm: Reinforce(), stop: Episodes(1))"#;
+    fs::write(&scenario, text).unwrap();
+    let out = folder.path().join("look.rrd");
+    let out = out.to_str().unwrap();
+    for file in [&path, &scenario] {
+        let output = seedbed(&["preview", file.to_str().unwrap(), "--out", out]);
+        assert!(output.status.success(), "{output:?}");
+        let warning = "warning: servo `winch` hardly holds joint `hoist` between two bodies";
+        assert!(stderr(&output).contains(warning), "{output:?}");
+        assert!(stdout(&output).contains("episode 2: 5 steps"), "{output:?}");
+    }
+}
+
 fn scene_of(task: &str) -> Scene {
     let task = parse("ball", "ball.ron", task.to_owned()).unwrap();
     let environment = build(&task, Physics::Rapier, 1).unwrap();

@@ -1,6 +1,5 @@
 //! Which runs a study executes, and what it stores of them.
 
-use std::collections::HashSet;
 use std::fs;
 use std::process::{Output, Stdio};
 
@@ -85,18 +84,24 @@ fn a_crashed_study_runs_only_its_missing_runs() {
     assert_eq!(stored_results(&out), stored_results(&without_crash));
 }
 
-/// The study crashes when three of its twelve runs are finished, one of each of its three cells.
+/// With four runs of each cell nothing is decided, and `check` says so before.
 #[test]
-fn one_run_of_each_cell_is_run_first() {
-    let (_folder, study, out) = write_study(&study_text(4, ""));
-    let path = out.to_str().unwrap();
-    let arguments = ["study", &study, "--out", path, "--jobs", "1"];
-    crash(command(&[&arguments[..], &["--abort-after-runs", "3"]].concat()));
-    let names = result_files(&out).into_iter().map(|path| {
-        let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        name.split('-').next().unwrap().to_owned()
-    });
-    assert_eq!(names.collect::<HashSet<String>>().len(), 3);
+fn too_few_runs_for_verdicts_are_reported() {
+    let claim = r#"(text: "It helps.", compare: ("σ 9", "σ 0"), measure: Coverage, direction: More, smallest: 0.1,
+        confirmatory: true)"#;
+    let text = study_text(4, &format!("claims: [{claim}],"));
+    let (_folder, study, out) = write_study(&text);
+    let warning =
+        "4 runs of each cell are too few for verdicts on claims: expected `repeats: 5` or more";
+    let checked = stdout(&seedbed(&["check", &study]));
+    assert!(
+        checked.contains(&format!("warning: {study}: {warning}\n")),
+        "{checked}"
+    );
+    let output = run_study(&study, &out, &[]);
+    assert!(stderr(&output).contains(warning), "{output:?}");
+    let verdict = "4 runs are too few for a verdict: expected 5 or more of each cell.";
+    assert!(stdout(&output).contains(verdict), "{output:?}");
 }
 
 /// Two cells with equal settings are run once and reported twice. The stored runs have the visited

@@ -23,6 +23,8 @@ const MIN_HEIGHT: f64 = 148.0;
 struct CellMap<'a> {
     cell: &'a CellResults,
     title: String,
+    /// Numbers of states and runs, with the title.
+    counted: String,
     axes: [Axis; 2],
     /// Share of the states in each cell of the grid, row by row from below: `[GRID_CELLS × GRID_CELLS]`
     shares: Vec<f64>,
@@ -55,7 +57,11 @@ pub(super) fn scatter(
     });
     let caption = format!(
         "States visited in all runs, in the plane of two observations: shares of the states of each cell on one scale, from a \
-         uniform sample of each run, weighted by its number of states.{}",
+         uniform sample of each run, weighted by its number of states ({}).{}",
+        maps.iter()
+            .map(|map| map.counted.as_str())
+            .collect::<Vec<_>>()
+            .join("; "),
         not_shown(cells)
     );
     Some(UnnumberedFigure {
@@ -89,8 +95,9 @@ impl<'a> CellMap<'a> {
         }
         let mut map = Self {
             cell,
-            title: format!(
-                "{name}: {} states of {}",
+            title: name.to_owned(),
+            counted: format!(
+                "{name}: {} of {}",
                 indicatif::HumanCount(visited),
                 pluralize(runs.len(), "run")
             ),
@@ -183,6 +190,7 @@ mod tests {
         let mut map = CellMap {
             cell: &cell,
             title: String::new(),
+            counted: String::new(),
             axes: [0, 1].map(|side| axis(&cell.observations()[side])),
             shares: vec![0.0; GRID_CELLS * GRID_CELLS],
         };
