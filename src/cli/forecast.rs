@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     /// Two runs of a cell take 10 s each, and four of another, whose cost is twice as large, would take 20 s; in fact
-    /// they take 5 s.
+    /// they take 5 s: 10 + 4 · 20 s and 10 + 3 · 5 s are left, for two threads.
     #[test]
     fn times_of_cells_are_estimated_until_they_are_measured() {
         let mut forecast = Forecast {
@@ -91,10 +91,10 @@ mod tests {
         (0..4).for_each(|_| forecast.add("expensive", 2.0));
         assert_eq!(forecast.seconds_left(), None);
         forecast.run_finished("cheap", 10.0);
-        assert_eq!(forecast.seconds_left(), Some((10.0 + 4.0 * 20.0) / 2.0));
+        assert_eq!(forecast.seconds_left(), Some(45.0));
         assert!(!forecast.is_measured());
         forecast.run_finished("expensive", 5.0);
-        assert_eq!(forecast.seconds_left(), Some((10.0 + 3.0 * 5.0) / 2.0));
+        assert_eq!(forecast.seconds_left(), Some(12.5));
         assert!(forecast.is_measured());
     }
 }

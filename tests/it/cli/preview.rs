@@ -64,7 +64,7 @@ fn scenarios_are_previewed_in_their_task() {
     )"#;
     fs::write(&path, task).unwrap();
     let scenario = folder.path().join("scenario.ron");
-    let text = r#"Scenario(environment: "weak.ron", agents: (count: 1, seeds: Normal(sigma: 0)), algorithm: Reinforce(), stop: Episodes(1))"#;
+    let text = r#"Scenario(environment: "weak.ron", agents: (count: 1, seeds: Normal(sigma: 0)), algorithm: Random, stop: Episodes(1))"#;
     fs::write(&scenario, text).unwrap();
     let out = folder.path().join("look.rrd");
     let out = out.to_str().unwrap();
