@@ -4,7 +4,6 @@
 mazes.py hooks 3 > envs/hooks_3.ron        a puck in four corridors with three hooks each
 mazes.py plugs 2 > envs/plugs_2.ron        the same, and each corridor is plugged by a block that must be pushed away first
 mazes.py rods 3 > envs/rods_3.ron          a long rod in the place of the puck, which must be turned at each bend
-mazes.py cars 3 > envs/cars_3.ron          a car, which must be steered through the bends
 mazes.py storeys 1 > envs/storeys_1.ron    a drone in a house with two halls, of one storey each above the ground floor
 """
 
@@ -13,7 +12,7 @@ import sys
 
 def main() -> None:
     kind, size = sys.argv[1], int(sys.argv[2])
-    print({"hooks": hooks, "plugs": plugs, "rods": rods, "cars": cars, "storeys": storeys}[kind](size), end="")
+    print({"hooks": hooks, "plugs": plugs, "rods": rods, "storeys": storeys}[kind](size), end="")
 
 
 Wall = tuple[float, float, float, float]  # x from, x to, y from, y to
@@ -57,31 +56,15 @@ def rods(count: int) -> str:
         body=ROD,
         places=ROD_PLACES,
         seen=ROD_SEEN,
-        pushes=PUSHES % {"name": "rod"} + '        (name: "turn", type: Signal, control: Continuous(-1.0, 1.0)),\n',
+        pushes='        (name: "turn", type: Signal, control: Continuous(-1.0, 1.0)),\n',
         start="0.1",
         starts='        (joint: "rod.angle", position: Uniform(-1.5707963, 1.5707963)),\n',
     )
 
 
-def cars(count: int) -> str:
-    return corridors(
-        count,
-        CARS,
-        description=f"Steer a car through the bends of the one of four corridors with {plural(count, 'hook')} that ends in a reward; each run draws it.",
-        goal=end_of_arm(count, depth=1.0),
-        name="car",
-        body=CAR,
-        places=CAR_PLACES,
-        seen=CAR_SEEN,
-        pushes=CAR_PUSHES,
-        start="0.1",
-        starts='        (joint: "car.angle", position: Uniform(-3.1415926, 3.1415926)),\n',
-    )
-
-
 def corridors(count: int, about: str, **parts: object) -> str:
     """With a puck, and without blocks, unless `parts` have others."""
-    nothing = dict.fromkeys(("blocks", "joints", "places", "seen", "starts"), "")
+    nothing = dict.fromkeys(("blocks", "joints", "places", "seen", "pushes", "starts"), "")
     usual: dict[str, object] = {
         "iterations": 2,
         "steps": 60 + 40 * (count + 1),
@@ -90,7 +73,6 @@ def corridors(count: int, about: str, **parts: object) -> str:
         "goal": end_of_arm(count),
         "name": "puck",
         "body": PUCK,
-        "pushes": PUSHES % {"name": "puck"},
         "start": "0.3",
     }
     about = filled(about, count=plural(count, "hook"))
@@ -178,11 +160,6 @@ RODS = """\
 // ends in the reward, and nothing shows which. The number of hooks is the knob of hardness; %(made)s.
 """
 
-CARS = """\
-// Four equal corridors go out, aside and back: %(count)s in a row. A car must be steered through them: it does not slide aside, and turns only while it rolls. One corridor, which
-// each run draws, ends in the reward, and nothing shows which. The number of hooks is the knob of hardness; %(made)s.
-"""
-
 PUCK = """\
         // A disc of 1 kg and 0.1 m, m r² / 2, with a drag of 2 N s/m: at most 2 m/s.
         (
@@ -224,48 +201,6 @@ ROD_SEEN = """\
         (name: "spin", unit: "rad/s", range: (-4.0, 4.0)),
 """
 
-PUSHES = """\
-        (name: "push_x", type: BodyForce(body: "%(name)s", direction: (1.0, 0.0)), gear: 4.0, control: Continuous(-1.0, 1.0)),
-        (name: "push_y", type: BodyForce(body: "%(name)s", direction: (0.0, 1.0)), gear: 4.0, control: Continuous(-1.0, 1.0)),
-"""
-
-CAR = """\
-        // A car of 1 kg and 0.5 m that rolls forward and back, with a drag of 2 N s/m: at most 2 m/s. Its tires grip: it hardly slides aside, and turns only while it rolls.
-        (
-            name: "car",
-            mass: 1.0,
-            inertia: 0.02,
-            colliders: [(name: "hull", geom: Capsule(from: (-0.13, 0.0), to: (0.13, 0.0), radius: 0.12), friction: 0.0)],
-            forces: [
-                (x: "4 * drive - 2 * rolling", y: "-6 * sliding", frame: Local),
-                // A couple that brings the turning to 2 rad per meter at full lock.
-                (y: "0.2 * (2 * steer * rolling - spin)", at: (0.25, 0.0), frame: Local),
-                (y: "-0.2 * (2 * steer * rolling - spin)", at: (-0.25, 0.0), frame: Local),
-            ],
-        ),
-"""
-
-CAR_PUSHES = """\
-        (name: "drive", type: Signal, control: Continuous(-1.0, 1.0)),
-        (name: "steer", type: Signal, control: Continuous(-1.0, 1.0)),
-"""
-
-CAR_PLACES = """\
-        (name: "angle", type: JointPosition("car.angle")),
-        (name: "spin", type: JointVelocity("car.angle")),
-        (name: "heading_x", type: Formula("cos(angle)")),
-        (name: "heading_y", type: Formula("sin(angle)")),
-        // Speeds forward and to the left.
-        (name: "rolling", type: Formula("cos(angle) * x_dot + sin(angle) * y_dot")),
-        (name: "sliding", type: Formula("cos(angle) * y_dot - sin(angle) * x_dot")),
-"""
-
-CAR_SEEN = """\
-        (name: "heading_x", range: (-1.0, 1.0)),
-        (name: "heading_y", range: (-1.0, 1.0)),
-        (name: "spin", unit: "rad/s", range: (-4.0, 4.0)),
-"""
-
 BLOCK = """\
         (name: "block_%(side)d", position: (%(x)g, %(y)g), angle: %(angle)g, mass: 1.0, inertia: 0.1, colliders: [(geom: Box(half_size: (0.4, 0.45)), friction: 0.0)]),
 """
@@ -290,6 +225,8 @@ CORRIDORS = """\
 %(walls)s
     ],
     actuators: [
+        (name: "push_x", type: BodyForce(body: "%(name)s", direction: (1.0, 0.0)), gear: 4.0, control: Continuous(-1.0, 1.0)),
+        (name: "push_y", type: BodyForce(body: "%(name)s", direction: (0.0, 1.0)), gear: 4.0, control: Continuous(-1.0, 1.0)),
 %(pushes)s    ],
     sensors: [
         (name: "x", type: JointPosition("%(name)s.x")),

@@ -237,8 +237,9 @@ impl StudyProgress {
 
     /// Prints how long all runs take, when one of each cell has finished.
     fn print_forecast(&self) {
-        let left = self.forecast.seconds_left().map(remaining_time);
-        if let Some(left) = left.filter(|left| left.contains("min")) {
+        let seconds = self.forecast.seconds_left().unwrap_or_default();
+        if seconds >= MIN_IN_MINUTES {
+            let left = remaining_time(seconds);
             self.print(&format!(
                 "forecast   one run of each cell is finished{left}"
             ));
@@ -276,11 +277,14 @@ impl StudyProgress {
     }
 }
 
+/// Shortest time that is told in minutes, s.
+const MIN_IN_MINUTES: f64 = 90.0;
+
 /// Estimated remaining time, e.g. ` · about 3 min left`.
 fn remaining_time(seconds: f64) -> String {
     match seconds {
         seconds if seconds < 1.0 => String::new(),
-        seconds if seconds < 90.0 => format!(" · about {seconds:.0} s left"),
+        seconds if seconds < MIN_IN_MINUTES => format!(" · about {seconds:.0} s left"),
         seconds => format!(" · about {:.0} min left", seconds / 60.0),
     }
 }

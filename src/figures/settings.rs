@@ -92,12 +92,7 @@ const MAX_PAIRED_AXES: usize = 5;
 impl FigureSettings {
     /// Whether a part is drawn.
     pub(super) fn shows(&self, part: Part) -> bool {
-        let parts = if self.parts.is_empty() {
-            &DEFAULT_PARTS[..]
-        } else {
-            &self.parts
-        };
-        parts.contains(&part) || parts.contains(&Part::All)
+        self.parts_in_order().contains(&part)
     }
 
     /// The parts that are drawn, from the top.

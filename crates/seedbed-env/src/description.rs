@@ -595,16 +595,20 @@ impl BodyTask {
         }
     }
 
+    /// Names of the servos, and indices of their joints.
+    pub(crate) fn servos(&self) -> impl Iterator<Item = (&str, usize)> {
+        self.actuators
+            .iter()
+            .filter_map(|actuator| match actuator.drive {
+                Drive::Servo(servo) => Some((actuator.name.as_str(), servo.joint)),
+                _ => None,
+            })
+    }
+
     /// Whether several servos drive the same joint.
     #[must_use]
     pub(crate) fn has_joint_with_several_servos(&self) -> bool {
-        let servos = self.actuators.iter();
-        let mut driven: Vec<_> = servos
-            .filter_map(|actuator| match actuator.drive {
-                Drive::Servo(servo) => Some(servo.joint),
-                _ => None,
-            })
-            .collect();
+        let mut driven: Vec<_> = self.servos().map(|(_, joint)| joint).collect();
         driven.sort_unstable();
         driven.windows(2).any(|pair| pair[0] == pair[1])
     }

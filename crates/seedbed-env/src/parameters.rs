@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::description::{BodyTask, Collider, Drive, Joint, JointKind};
+use super::description::{BodyTask, Collider, Joint, JointKind};
 use super::inertia::{distance, moved_inertia, moving_parts};
 use super::physics::depth;
 use seedbed_input::numbers::readable;
@@ -14,7 +14,8 @@ pub(super) fn warnings(task: &BodyTask) -> Vec<String> {
         .clone()
         .filter_map(|joint| mass_ratio(joint, task))
         .collect();
-    warnings.extend(servos_on_chains(task));
+    let servos = task.servos();
+    warnings.extend(servos.filter_map(|(name, joint)| servo_on_chain(name, joint, task)));
     warnings.extend(joints.clone().filter_map(|joint| swing(joint, task)));
     warnings.extend(
         joints
@@ -124,29 +125,12 @@ const SERVO_PASSES: f64 = 4.0;
 /// Further passes for each multiple of the parent's mass that hangs on the servo.
 const SERVO_PASSES_PER_RATIO: f64 = 3.2;
 
-/// Servos on joints between two bodies that hardly hold, in tasks without contacts.
-fn servos_on_chains(task: &BodyTask) -> Vec<String> {
-    let servos = task
-        .actuators
-        .iter()
-        .filter_map(|actuator| match actuator.drive {
-            Drive::Servo(servo) => Some((&actuator.name, &task.joints[servo.joint])),
-            _ => None,
-        });
-    let warnings = servos.filter_map(|(name, joint)| servo_on_chain(name, joint, task));
-    warnings.collect()
-}
-
 /// Passes with which all servos hold: 1 where none acts between two bodies, or joints are exact.
 pub(super) fn passes_for_servos(task: &BodyTask) -> u32 {
-    let servos = task
-        .actuators
-        .iter()
-        .filter_map(|actuator| match actuator.drive {
-            Drive::Servo(servo) => passes_for_servo(&task.joints[servo.joint], task),
-            _ => None,
-        });
-    servos.max().unwrap_or(1)
+    let of_servos = task
+        .servos()
+        .filter_map(|(_, joint)| passes_for_servo(&task.joints[joint], task));
+    of_servos.max().unwrap_or(1)
 }
 
 /// `None` for a joint that is exact, or held by the world.
@@ -166,7 +150,9 @@ fn passes_for_servo(joint: &Joint, task: &BodyTask) -> Option<u32> {
     )
 }
 
-fn servo_on_chain(name: &str, joint: &Joint, task: &BodyTask) -> Option<String> {
+/// A servo on a joint between two bodies that hardly holds, in a task without contacts.
+fn servo_on_chain(name: &str, joint: usize, task: &BodyTask) -> Option<String> {
+    let joint = &task.joints[joint];
     let needed = passes_for_servo(joint, task)?;
     (task.solver.solver_iterations < needed).then(|| {
         format!(

@@ -152,19 +152,16 @@ impl Row {
         let width = self.width_of_panels(page);
         let needed = self.panels.iter().map(Panel::min_width).fold(0.0, f64::max);
         let fitting = ((width / needed.max(1.0)) as usize).clamp(1, columns);
+        let column_width = width / fitting as f64 - GAP;
         if fitting == columns || needed == 0.0 {
-            let height_of_map = self
-                .panels
-                .first()
-                .and_then(|panel| panel.height_of_map(width / columns as f64 - GAP));
-            self.height = self.height.min(height_of_map.unwrap_or(self.height));
+            let height_to_scale = height_of_maps(&self.panels, column_width);
+            self.height = self.height.min(height_to_scale.unwrap_or(self.height));
             return vec![self];
         }
         let panels = self.panels.iter().filter(|panel| **panel != Panel::Blank);
         let panels: Vec<Panel> = panels.cloned().collect();
-        let column_width = width / fitting as f64 - GAP;
         let row = |panels: &[Panel]| {
-            let height_to_scale = panels[0].height_of_map(column_width);
+            let height_to_scale = height_of_maps(panels, column_width);
             let mut panels = panels.to_vec();
             panels.resize(fitting, Panel::Blank);
             Self {
@@ -211,6 +208,15 @@ impl Row {
             key.draw(&key_area.inset([TITLE_HEIGHT + 12.0, 0.0, 24.0, 0.0]), svg);
         }
     }
+}
+
+/// Height of the highest of maps to scale of this width; `None` if a panel is no such map.
+fn height_of_maps(panels: &[Panel], column_width: f64) -> Option<f64> {
+    let drawn = panels.iter().filter(|panel| **panel != Panel::Blank);
+    let heights: Option<Vec<f64>> = drawn
+        .map(|panel| panel.height_of_map(column_width))
+        .collect();
+    heights?.into_iter().reduce(f64::max)
 }
 
 impl Panel {

@@ -65,14 +65,17 @@ fn multiples_within([low, high]: [f64; 2], step: f64) -> [i64; 2] {
 }
 
 /// A round step or, if a range has one multiple of it only, which says nothing of its length, the largest of some smaller steps
-/// with several.
+/// with several. Steps have one digit, because labels have as many decimals as it needs.
 fn step_of_several_ticks(range: [f64; 2], step: f64) -> f64 {
     let has_several = |step: &f64| {
         let [first, last] = multiples_within(range, *step);
         last > first
     };
-    let smaller = [1.0, 0.8, 0.4, 0.2].map(|factor| factor * step);
-    smaller.into_iter().find(has_several).unwrap_or(step)
+    let power = 10_f64.powf((step.log10() + 1e-9).floor());
+    let smaller = [5.0, 4.0, 2.0, 1.0, 0.5, 0.4, 0.2].map(|digit| digit * power);
+    let smaller = smaller.into_iter().filter(|smaller| *smaller < step);
+    let mut steps = std::iter::once(step).chain(smaller);
+    steps.find(has_several).unwrap_or(step)
 }
 
 /// Ticks at no more than `count` powers of ten, with their labels. If fewer than three are in the
@@ -230,6 +233,21 @@ mod tests {
             ["0", "50k", "100k", "150k", "200k", "250k"]
         );
         assert_eq!(labels(3.0, 9.5), ["3", "4", "5", "6", "7", "8", "9"]);
+    }
+
+    /// A single tick says nothing of a length, and labels are the numbers where they stand.
+    #[test]
+    fn short_axes_have_several_ticks_with_their_values() {
+        for end in [4.8, 1.9, 0.45, 0.19, 0.048, 19.0] {
+            for count in 1..=3 {
+                let ticks = Scale::new([-end, end], [0.0, 1.0]).ticks(count);
+                assert!(ticks.len() > 1, "±{end}, {count}: {ticks:?}");
+                for (value, label) in ticks {
+                    let said: f64 = label.replace('−', "-").parse().unwrap();
+                    assert!((said - value).abs() < 1e-9 * end, "{value}: {label}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -119,6 +119,7 @@ pub(super) fn run_all(
         Some(lock) => lock.registered.looks.clone(),
         None => vec![plan.repeats()],
     };
+    let mut warnings = plan.warnings();
     for (number, &runs_per_cell) in (1..).zip(&looks) {
         if looks.len() > 1 {
             say!(
@@ -126,7 +127,8 @@ pub(super) fn run_all(
                 looks.len()
             );
         }
-        run_missing(args, plan, folder, runs_per_cell)?;
+        let new_warnings = std::mem::take(&mut warnings);
+        run_missing(args, plan, folder, runs_per_cell, &new_warnings)?;
         if number < looks.len() && report::all_claims_are_decided(folder)? {
             say!(
                 "decided    all confirmatory claims, at look {number} of {}",
@@ -140,12 +142,13 @@ pub(super) fn run_all(
     report::write_and_print(folder, &PrintLayout::default())
 }
 
-/// Executes the first `runs_per_cell` runs of each cell that have no stored result.
+/// Executes the first `runs_per_cell` runs of each cell that have no stored result, after it has printed the warnings.
 fn run_missing(
     args: &RunArgs,
     plan: &StudyPlan,
     folder: &StudyFolder,
     runs_per_cell: u64,
+    warnings: &[String],
 ) -> Result<(), CliError> {
     let mut missing = plan.distinct_runs();
     missing.retain(|run| {
@@ -169,8 +172,8 @@ fn run_missing(
         say!("study      {}: {cells}", plan.name);
     }
     print_results_of_others(plan);
-    for warning in plan.warnings() {
-        note!("warning: {}", terminal_line(&warning));
+    for warning in warnings {
+        note!("warning: {}", terminal_line(warning));
     }
     let started = Instant::now();
     let failures = execute_runs(&args.execution, &missing, folder, plan)?;

@@ -109,7 +109,7 @@ impl StudyPlan {
         let has_own_runs = self.cells.iter().any(|cell| cell.source.found().is_none());
         if has_verdicts && has_own_runs && !self.quick && self.repeats() < MIN_RUNS as u64 {
             warnings.push(format!(
-                "{} of each cell are too few for verdicts on claims: expected `repeats: {MIN_RUNS}` or more",
+                "there are no verdicts on claims with {} of each cell: expected `repeats: {MIN_RUNS}` or more",
                 pluralize(self.repeats() as usize, "run")
             ));
         }

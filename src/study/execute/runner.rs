@@ -5,6 +5,7 @@
 use std::any::Any;
 use std::collections::{HashSet, VecDeque};
 use std::convert::Infallible;
+use std::hash::Hash;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -154,9 +155,9 @@ struct SharedQueue<'a, 'f, E> {
 }
 
 /// One run of each cell, then the others, in both parts the longest first.
-fn in_order<T>(
+fn in_order<T, C: Eq + Hash>(
     mut runs: Vec<T>,
-    cell: impl Fn(&T) -> String,
+    cell: impl Fn(&T) -> C,
     cost: impl Fn(&T) -> f64,
 ) -> VecDeque<T> {
     runs.sort_by(|a, b| cost(b).total_cmp(&cost(a)));
@@ -183,7 +184,7 @@ impl<'a, 'f, E: Send> SharedQueue<'a, 'f, E> {
             on_begun,
             waiting: Mutex::new(in_order(
                 runs.collect(),
-                |(run, _)| run.cell.digest().to_owned(),
+                |&(run, _)| run.cell.digest(),
                 |(run, _)| run.cell.source.cost(),
             )),
             first_error: Mutex::new(None),
@@ -321,7 +322,7 @@ mod tests {
             ("b", 3.0, 1),
             ("c", 2.0, 0),
         ];
-        let ordered = in_order(runs, |run| run.0.to_owned(), |run| run.1);
+        let ordered = in_order(runs, |run| run.0, |run| run.1);
         let names: Vec<String> = ordered
             .iter()
             .map(|(cell, _, repeat)| format!("{cell}{repeat}"))

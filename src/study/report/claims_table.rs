@@ -58,20 +58,14 @@ pub fn note_about_claim(results: &Results, claim: &Claim, claim_result: &ClaimRe
     };
     if let (Interval::TooFewRuns { n }, Some(_)) = (claim_result.interval, claim_result.verdict) {
         return format!(
-            "{} too few for a verdict: expected {MIN_RUNS} or more of each cell.",
-            are_counted(n, "run")
+            "{} for a verdict: expected {MIN_RUNS} or more of each cell.",
+            format::too_few_runs(n)
         );
     }
     let of_times = note_about_times(results, measure, names, &comparison);
     let of_runs = note_about_runs_needed(results, claim, claim_result);
     let notes = [of_times, of_runs.unwrap_or_default()];
     notes.join(" ").trim().to_owned()
-}
-
-/// Such as `1 run is` and `3 runs are`.
-fn are_counted(count: usize, noun: &str) -> String {
-    let verb = if count == 1 { "is" } else { "are" };
-    format!("{} {verb}", pluralize(count, noun))
 }
 
 /// How many runs would decide a claim that is open, if runs differ as much as these.

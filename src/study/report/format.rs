@@ -42,9 +42,14 @@ pub(super) fn interval(interval: Interval) -> String {
             };
             format!("{} to {}", bound(low), bound(high))
         }
-        Interval::TooFewRuns { n: 1 } => "none: 1 run is too few".to_owned(),
-        Interval::TooFewRuns { n } => format!("none: {n} runs are too few"),
+        Interval::TooFewRuns { n } => format!("none: {}", too_few_runs(n)),
     }
+}
+
+/// Such as `4 runs are too few`.
+pub(super) fn too_few_runs(n: usize) -> String {
+    let verb = if n == 1 { "is" } else { "are" };
+    format!("{} {verb} too few", pluralize(n, "run"))
 }
 
 /// An interval of a time, such as `80 to 134`, `from 80`, or `not reached`.

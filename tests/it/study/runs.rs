@@ -92,7 +92,7 @@ fn too_few_runs_for_verdicts_are_reported() {
     let text = study_text(4, &format!("claims: [{claim}],"));
     let (_folder, study, out) = write_study(&text);
     let warning =
-        "4 runs of each cell are too few for verdicts on claims: expected `repeats: 5` or more";
+        "there are no verdicts on claims with 4 runs of each cell: expected `repeats: 5` or more";
     let checked = stdout(&seedbed(&["check", &study]));
     assert!(
         checked.contains(&format!("warning: {study}: {warning}\n")),
