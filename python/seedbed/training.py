@@ -171,7 +171,7 @@ def train(
     Args:
         environment: Name of a task, path of a task file, id of an environment of Gymnasium, such as `"CartPole-v1"` or
             `"file.py:function"`, a `Gymnasium`, or a function that returns an environment of
-            Gymnasium. The function may be one of a notebook: worker processes get it pickled by value.
+            Gymnasium, such as its class. The function may be one of a notebook: worker processes get it pickled by value.
         scenario: A scenario, by name or path: its environment, algorithm and other settings are the defaults of this call. With
             `"ppo"`, `"sac"` or `"dqn"`, an environment is learned with the settings that are usual for these.
         algorithm: Name of an algorithm, or its settings: `"SeedPg"`, `"SeedPg(discount: 0.9)"` or `{"SeedPg": {"discount": 0.9}}`.

@@ -54,6 +54,7 @@ mod study_curves;
 mod tune;
 
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -444,7 +445,7 @@ struct ReportArgs {
     /// Study directories, or directories with published results
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
-    /// Write the scores of all runs, small enough for a repository, to a directory in DIR
+    /// Write one row per run with its measures, small enough for a repository, to a directory in DIR
     #[arg(long, value_name = "DIR", conflicts_with_all = ["theme", "width", "height", "font", "no_title", "no_legend", "x_range", "y_range", "log"])]
     publish: Option<PathBuf>,
     #[command(flatten, next_help_heading = "Figures for papers (files in figures/)")]
@@ -462,9 +463,9 @@ struct ReplayArgs {
     /// Number of episodes per agent
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     episodes: u32,
-    /// Agents whose bodies are drawn, e.g. 0,3 [default: as in the scenario, otherwise agent 0]
-    #[arg(long, value_name = "K,…", value_delimiter = ',')]
-    agents: Vec<u32>,
+    /// Agents whose bodies are drawn, e.g. 0,3 or 0..4, 4 excluded [default: as in the scenario, otherwise agent 0]
+    #[arg(long, value_name = "N,N…", value_delimiter = ',', value_parser = plot::parse_agents)]
+    agents: Vec<Range<u32>>,
     #[command(flatten)]
     play: PlayArgs,
     /// Write the recording to this file [default: replay.rrd in the run directory]

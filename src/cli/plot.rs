@@ -48,15 +48,16 @@ pub(super) struct PlotArgs {
     /// visitation, difference, density, returns; without a recording returns and curves]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PART,PART…")]
     what: Vec<PlotPart>,
-    /// Draw only these agents, e.g. 0,3 [default: the first 8, one panel each; with several runs,
-    /// all agents in one panel per run]
+    /// Draw only these agents, e.g. 0,3 or 0..4, 4 excluded [default: the first 8, one panel each; with several
+    /// runs, all agents in one panel per run]
     #[arg(
         help_heading = "Which states, and how",
         long,
         value_delimiter = ',',
-        value_name = "N,N…"
+        value_name = "N,N…",
+        value_parser = parse_agents
     )]
-    agents: Vec<u32>,
+    agents: Vec<Range<u32>>,
     /// Draw only states of these episodes of each agent, B excluded, e.g. 0..50, 150.. or ..50
     /// [default: all]
     #[arg(help_heading = "Which states, and how", long, value_name = "A..B", value_parser = parse_episodes)]
@@ -313,7 +314,7 @@ impl PlotArgs {
     fn settings(&self, layout: &PrintLayout) -> FigureSettings {
         FigureSettings {
             parts: self.what.iter().map(|&part| part.into()).collect(),
-            agents: self.agents.clone(),
+            agents: self.agents.iter().cloned().flatten().collect(),
             episodes: self.episodes.clone(),
             conditions: self.conditions.clone(),
             axes: self.axes.clone(),
@@ -374,6 +375,29 @@ impl From<Distribution> for distributions::Distribution {
     }
 }
 
+/// Parses an agent or a range of agents, e.g. `3` and `0..4`.
+pub(super) fn parse_agents(text: &str) -> Result<Range<u32>, String> {
+    let expected = "expected an agent, e.g. 3, or A..B, e.g. 0..4 for the first 4 agents";
+    let parse = |text: &str| {
+        text.parse::<u32>()
+            .ok()
+            .filter(|agent| *agent <= 1_000_000)
+            .ok_or(expected)
+    };
+    let range = match text.split_once("..") {
+        Some((from, to)) => parse(from)?..parse(to)?,
+        None => {
+            let agent = parse(text)?;
+            agent..agent + 1
+        }
+    };
+    if range.is_empty() {
+        Err("the range is empty; expected A below B".to_owned())
+    } else {
+        Ok(range)
+    }
+}
+
 /// Parses a range of episodes, e.g. `0..50`, `150..` and `..50`.
 pub(super) fn parse_episodes(text: &str) -> Result<Range<u32>, String> {
     let expected = "expected A..B, e.g. 0..50 for the first 50 episodes";
@@ -409,6 +433,26 @@ fn parse_size(text: &str) -> Result<[f64; 2], String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn agents_are_parsed_as_numbers_and_ranges() {
+        assert_eq!(
+            (parse_agents("3"), parse_agents("0..4")),
+            (Ok(3..4), Ok(0..4))
+        );
+        assert_eq!(
+            parse_agents("4..4").unwrap_err(),
+            "the range is empty; expected A below B"
+        );
+        for wrong in ["0-3", "a", "", "2..", "..2", "-1", "0..4000000000"] {
+            assert!(
+                parse_agents(wrong)
+                    .unwrap_err()
+                    .starts_with("expected an agent"),
+                "{wrong}"
+            );
+        }
+    }
 
     #[test]
     fn episodes_are_parsed_as_a_range_with_optional_ends() {

@@ -15,9 +15,10 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
     let path = output_path(args, &folder)?;
     warn_if_unverified(&folder)?;
     let evaluation = evaluation_settings(args.episodes, &args.play)?;
+    let agents: Vec<u32> = args.agents.iter().cloned().flatten().collect();
     let settings = ReplaySettings {
         evaluation,
-        drawn_agents: (!args.agents.is_empty()).then_some(args.agents.as_slice()),
+        drawn_agents: (!agents.is_empty()).then_some(agents.as_slice()),
     };
     let bar = episode_bar(args.episodes, "episodes");
     let incomplete = Incomplete::recording(&path);

@@ -1,6 +1,7 @@
 //! Curves with bands over a common x axis, in one panel or in several with common axes.
 
 use super::color::{Color, MUTED_COLOR};
+use super::font::{Weight, text_width};
 use super::legend::{self, Entry};
 use super::panel_axes::{PanelAxes, Plot, TICK_SIZE};
 use super::scale::{extent, padded, padded_ratio, with_minus_sign};
@@ -408,14 +409,7 @@ impl Threshold {
     }
 
     fn draw_name(&self, plot: &Plot, svg: &mut SvgWriter) {
-        let y = plot.y.position(self.value);
-        if (plot.area.y..=plot.area.bottom()).contains(&y) {
-            // The name is above the line, or below it if there is no space above.
-            let baseline = if y - 14.0 < plot.area.y {
-                y + 12.0
-            } else {
-                y - 4.0
-            };
+        if let Some(baseline) = self.baseline_of_name(plot) {
             svg.text(
                 [plot.area.x + 6.0, baseline],
                 &self.name,
@@ -424,14 +418,26 @@ impl Threshold {
         }
     }
 
+    /// The name is above the line, or below it if there is no space above; `None` if the line is outside the plot.
+    fn baseline_of_name(&self, plot: &Plot) -> Option<f64> {
+        let y = plot.y.position(self.value);
+        let is_inside = (plot.area.y..=plot.area.bottom()).contains(&y);
+        let baseline = if y - 14.0 < plot.area.y {
+            y + 12.0
+        } else {
+            y - 4.0
+        };
+        is_inside.then_some(baseline)
+    }
+
     /// Points of the page that the name covers.
     fn occupied_points(&self, plot: &Plot) -> impl Iterator<Item = [f64; 2]> {
-        let y = plot.y.position(self.value);
-        let characters = self.name.chars().count();
-        let x = plot.area.x;
-        (0..8 * characters).flat_map(move |index| {
-            [6.0, -6.0].map(|above| [x + 6.0 + 0.7 * index as f64, y - above])
-        })
+        let baseline = self.baseline_of_name(plot);
+        let x = plot.area.x + 6.0;
+        let width = text_width(&self.name, TICK_SIZE, Weight::Regular);
+        let letters = move |y: f64| legend::sample_line(&[[x, y], [x + width, y]]);
+        let heights = baseline.into_iter().flat_map(|y| [y - TICK_SIZE, y + 2.0]);
+        heights.flat_map(letters)
     }
 }
 
@@ -459,6 +465,40 @@ mod tests {
         assert_eq!(ticks(&[-1.0, 5.0]), "−1 0 1 2 3 4 5");
         assert_eq!(ticks(&[0.0, 7.0]), "");
         assert_eq!(ticks(&[0.0, 0.5, 1.0]), "");
+    }
+
+    /// Wherever a line with a name is, the legend leaves its name free: letters are 9 pixels high, and end 2 below their line.
+    #[test]
+    fn legends_do_not_cover_names_of_lines() {
+        let area = Rect {
+            x: 0.0,
+            y: 0.0,
+            width: 200.0,
+            height: 100.0,
+        };
+        let y = Scale::new([0.0, 100.0], [100.0, 0.0]);
+        let x = Scale::new([0.0, 1.0], [0.0, 200.0]);
+        let plot = Plot { area, x, y };
+        let entries = [Entry {
+            name: "seed 0",
+            color: [0; 3],
+        }];
+        for value in 0..=100 {
+            let threshold = Threshold {
+                name: "solved: 475".to_owned(),
+                value: f64::from(value),
+            };
+            let letters: Vec<[f64; 2]> = threshold.occupied_points(&plot).collect();
+            let legend::Place::Inside(legend) =
+                legend::place(&entries, &area, &plot.area, &letters)
+            else {
+                panic!("there is room inside");
+            };
+            let baseline = threshold.baseline_of_name(&plot).unwrap();
+            let is_beside = legend.x > 6.0 + text_width("solved: 475", TICK_SIZE, Weight::Regular);
+            let is_above_or_below = legend.bottom() < baseline - 9.0 || legend.y > baseline + 2.0;
+            assert!(is_beside || is_above_or_below, "{value}");
+        }
     }
 
     /// A single high point among 100,000 points is kept at its position.

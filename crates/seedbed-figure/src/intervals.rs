@@ -63,6 +63,9 @@ const MAX_SHARE_OF_TEXT: f64 = 0.78;
 /// Lines below a name that is above its interval: one of numbers and one of the interval.
 const LINES_BELOW_NAME: f64 = 2.0;
 
+/// Room between a name beside the plot and the plot.
+const NAME_MARGIN: f64 = 8.0;
+
 /// Distance of numbers from the right edge of the panel.
 const RIGHT_MARGIN: f64 = 4.0;
 
@@ -80,7 +83,7 @@ impl Intervals {
     #[must_use]
     pub fn height(&self) -> f64 {
         self.height_of_rows(
-            &self.lines_of_names(Arrangement::NamesBeside(0.0), 0.0),
+            &self.lines_of_names(Arrangement::NamesBeside(f64::INFINITY), 0.0),
             0.0,
         )
     }
@@ -130,10 +133,10 @@ impl Intervals {
         max_width(self.rows.iter().map(IntervalRow::numbers_text)) + 16.0
     }
 
-    /// The lines of each name.
+    /// The lines of each name. Beside the plot they are those of the name, unless one of them is too wide.
     fn lines_of_names(&self, arrangement: Arrangement, width: f64) -> Vec<Vec<String>> {
         let lines = |row: &IntervalRow| match arrangement {
-            Arrangement::NamesBeside(_) => row.lines().collect(),
+            Arrangement::NamesBeside(name_width) => row.lines_within(name_width - NAME_MARGIN),
             Arrangement::NamesAbove => wrapped(&row.name.replace('\n', " "), width - 8.0),
         };
         self.rows.iter().map(lines).collect()
@@ -148,35 +151,30 @@ impl Intervals {
         let area = panel.inset([TITLE_HEIGHT, right, 44.0, left]);
         draw_title(&self.title, panel, panel.x + 4.0, svg);
         let scale = Scale::new(self.range(), [area.x, area.right()]);
-        self.draw_axis(&scale, &area, panel, svg);
         let row_height = area.height / self.rows.len().max(1) as f64;
         let lines = self.lines_of_names(arrangement, panel.width);
-        let mut heights = Vec::with_capacity(self.rows.len());
-        for (index, (row, lines)) in self.rows.iter().zip(&lines).enumerate() {
-            let top = area.y + row_height * index as f64;
-            let y = match arrangement {
+        let heights = heights_of_intervals(&lines, arrangement, area.y, row_height);
+        let stretches = stretches_of_lines(&heights, arrangement, &area);
+        self.draw_axis(&scale, &area, &stretches, panel, svg);
+        for ((row, lines), &y) in self.rows.iter().zip(&lines).zip(&heights) {
+            match arrangement {
                 Arrangement::NamesBeside(_) => {
-                    let y = top + row_height / 2.0;
-                    draw_name_beside(lines, [area.x - 8.0, y], left - 8.0, svg);
+                    draw_name_beside(lines, [area.x - 8.0, y], left - NAME_MARGIN, svg);
                     let place = [panel.right() - RIGHT_MARGIN, y + 4.0];
                     svg.text(place, &row.numbers_text(), numbers_style(Anchor::End));
-                    y
                 }
                 Arrangement::NamesAbove => {
+                    let top = y - LINE_HEIGHT * (lines.len() as f64 + LINES_BELOW_NAME);
                     draw_name_above(lines, [panel.x + 4.0, top], svg);
-                    let below = top + LINE_HEIGHT * (lines.len() as f64 + 1.0);
-                    let place = [panel.x + 4.0, below];
-                    let style = numbers_style(Anchor::Start).with_rim();
-                    svg.text(place, &row.numbers_text(), style);
-                    below + LINE_HEIGHT
+                    let place = [panel.x + 4.0, y - LINE_HEIGHT];
+                    svg.text(place, &row.numbers_text(), numbers_style(Anchor::Start));
                 }
-            };
+            }
             row.draw_margin(&scale, y, svg);
-            heights.push(y);
         }
-        self.draw_reference(&scale, &area, svg);
+        self.draw_reference(&scale, &stretches, svg);
         svg.clipped(&clip_area_with_dots(&area), |svg| {
-            for (row, y) in self.rows.iter().zip(heights) {
+            for (row, &y) in self.rows.iter().zip(&heights) {
                 row.draw(&scale, &area, y, svg);
             }
         });
@@ -191,28 +189,29 @@ impl Intervals {
         padded(extent(values.chain(self.reference)))
     }
 
-    fn draw_reference(&self, scale: &Scale, area: &Rect, svg: &mut SvgWriter) {
+    fn draw_reference(&self, scale: &Scale, stretches: &[[f64; 2]], svg: &mut SvgWriter) {
         let Some(reference) = self.reference else {
             return;
         };
-        let x = scale.position(reference);
-        svg.line(
-            &[[x, area.y], [x, area.bottom()]],
-            Stroke {
-                dashed: true,
-                ..Stroke::new(MUTED_COLOR, 1.0)
-            },
-        );
+        let stroke = Stroke {
+            dashed: true,
+            ..Stroke::new(MUTED_COLOR, 1.0)
+        };
+        draw_upright(scale.position(reference), stretches, stroke, svg);
     }
 
-    fn draw_axis(&self, scale: &Scale, area: &Rect, panel: &Rect, svg: &mut SvgWriter) {
+    fn draw_axis(
+        &self,
+        scale: &Scale,
+        area: &Rect,
+        stretches: &[[f64; 2]],
+        panel: &Rect,
+        svg: &mut SvgWriter,
+    ) {
         let most = ((area.width / 48.0) as usize).clamp(3, 8);
         for (value, text) in ticks_side_by_side(scale, most) {
             let x = scale.position(value);
-            svg.line(
-                &[[x, area.y], [x, area.bottom()]],
-                Stroke::new(GRID_COLOR, 1.0),
-            );
+            draw_upright(x, stretches, Stroke::new(GRID_COLOR, 1.0), svg);
             svg.text(
                 [x, area.bottom() + 14.0],
                 &text,
@@ -225,6 +224,43 @@ impl Intervals {
             &label,
             TextStyle::new(LABEL_SIZE, Anchor::Middle),
         );
+    }
+}
+
+/// Height of each interval: in the middle of its row, or below its name and numbers.
+fn heights_of_intervals(
+    lines: &[Vec<String>],
+    arrangement: Arrangement,
+    top: f64,
+    row_height: f64,
+) -> Vec<f64> {
+    let height = |(index, lines): (usize, &Vec<String>)| {
+        let top = top + row_height * index as f64;
+        match arrangement {
+            Arrangement::NamesBeside(_) => top + row_height / 2.0,
+            Arrangement::NamesAbove => top + LINE_HEIGHT * (lines.len() as f64 + LINES_BELOW_NAME),
+        }
+    };
+    lines.iter().enumerate().map(height).collect()
+}
+
+/// From where to where upright lines are drawn: around each interval where names are above them, so that no line
+/// crosses text.
+fn stretches_of_lines(heights: &[f64], arrangement: Arrangement, area: &Rect) -> Vec<[f64; 2]> {
+    match arrangement {
+        Arrangement::NamesBeside(_) => vec![[area.y, area.bottom()]],
+        Arrangement::NamesAbove => {
+            let around = heights
+                .iter()
+                .map(|y| [y - MARGIN_HEIGHT, y + MARGIN_HEIGHT]);
+            around.collect()
+        }
+    }
+}
+
+fn draw_upright(x: f64, stretches: &[[f64; 2]], stroke: Stroke, svg: &mut SvgWriter) {
+    for &[top, bottom] in stretches {
+        svg.line(&[[x, top], [x, bottom]], stroke);
     }
 }
 
@@ -272,8 +308,7 @@ fn numbers_style(anchor: Anchor) -> TextStyle {
 fn draw_name_above(lines: &[String], [left, top]: [f64; 2], svg: &mut SvgWriter) {
     for (number, line) in lines.iter().enumerate() {
         let y = top + LINE_HEIGHT * (number as f64 + 1.0);
-        let style = TextStyle::new(LABEL_SIZE, Anchor::Start).with_rim();
-        svg.text([left, y], line, style);
+        svg.text([left, y], line, TextStyle::new(LABEL_SIZE, Anchor::Start));
     }
 }
 
@@ -290,6 +325,15 @@ impl IntervalRow {
     /// Lines of the name.
     fn lines(&self) -> impl Iterator<Item = String> {
         self.name.split('\n').map(str::to_owned)
+    }
+
+    /// Lines of the name, broken anew if one of them is wider than `width`.
+    fn lines_within(&self, width: f64) -> Vec<String> {
+        let is_too_wide = |line: String| text_width(&line, LABEL_SIZE, Weight::Regular) > width;
+        if self.lines().any(is_too_wide) {
+            return wrapped(&self.name.replace('\n', " "), width);
+        }
+        self.lines().collect()
     }
 
     fn draw_margin(&self, scale: &Scale, y: f64, svg: &mut SvgWriter) {
@@ -450,6 +494,26 @@ mod tests {
 
     /// A closed interval has two caps, which are vertical lines. At an open end there is the head of an
     /// arrow instead, whose tip is at the edge of the plot.
+    /// At half of the width that its first line needs, a name has more lines, and all of its words.
+    #[test]
+    fn names_are_broken_anew_where_lines_are_too_wide() {
+        let row = IntervalRow {
+            name: "from the same networks as many agents\nreach it".to_owned(),
+            estimate: None,
+            interval: None,
+            margin: None,
+            n: 10,
+            color: [0; 3],
+        };
+        let width = text_width(&row.lines().next().unwrap(), LABEL_SIZE, Weight::Regular);
+        assert_eq!(row.lines_within(width), row.lines().collect::<Vec<_>>());
+        let lines = row.lines_within(0.5 * width);
+        assert_eq!(lines.join(" "), row.name.replace('\n', " "));
+        let is_narrow =
+            |line: &String| text_width(line, LABEL_SIZE, Weight::Regular) <= 0.5 * width;
+        assert!(lines.len() > 2 && lines.iter().all(is_narrow), "{lines:?}");
+    }
+
     #[test]
     fn an_open_end_is_an_arrow() {
         let drawn = |interval| {

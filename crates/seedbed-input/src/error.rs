@@ -73,6 +73,13 @@ impl InputError {
         let rest = self.message.strip_prefix("unexpected field `")?;
         rest.split('`').next()
     }
+
+    /// The name of the variant, if the error is that there is no such variant.
+    #[must_use]
+    pub fn unexpected_variant(&self) -> Option<&str> {
+        let rest = self.message.strip_prefix("unexpected variant `")?;
+        rest.split('`').next()
+    }
 }
 
 impl fmt::Display for InputError {

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::plot::parse_episodes;
+use super::plot::{parse_agents, parse_episodes};
 use super::progress::ReadCounter;
 use super::{CliError, open_run};
 use seedbed::review::recording_stats::RecordingStats;
@@ -39,9 +39,9 @@ const MAX_AGENTS_IN_OVERLAPS: usize = 1024;
 pub(super) struct InspectArgs {
     /// Run directory, or a recording
     run: PathBuf,
-    /// Only these agents, e.g. 0,3 [default: all]
-    #[arg(long, value_delimiter = ',', value_name = "N,N…")]
-    agents: Vec<u32>,
+    /// Only these agents, e.g. 0,3 or 0..4, 4 excluded [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "N,N…", value_parser = parse_agents)]
+    agents: Vec<Range<u32>>,
     /// Only these episodes of each agent, B excluded, e.g. 0..50, 150.. or ..50 [default: all]
     #[arg(long, value_name = "A..B", value_parser = parse_episodes)]
     episodes: Option<Range<u32>>,
@@ -65,7 +65,7 @@ struct Inspected {
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     let mut run = open_run(&args.run)?;
     let selection = EpisodeSelection {
-        agents: args.agents.clone(),
+        agents: args.agents.iter().cloned().flatten().collect(),
         episodes: args.episodes.clone().unwrap_or(0..u32::MAX),
     };
     let counter = ReadCounter::new("episodes read");

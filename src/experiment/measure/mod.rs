@@ -12,7 +12,7 @@ pub use crate::plotting::trailing_means;
 pub use crate::run::facts::metrics::Curve;
 use crate::run::facts::metrics::{Range, RunKind};
 use seedbed_input::numbers::{Count, ranged_count};
-use seedbed_input::{FORMER_NAMES, settings_of};
+use seedbed_input::{FORMER_NAMES, InputError, settings_of};
 
 /// A number of environment steps of a team.
 pub type EnvSteps = Count<4_000_000_000>;
@@ -185,6 +185,24 @@ impl<'de> Deserialize<'de> for Measure {
 impl Serialize for Measure {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         Self::serialize(self, serializer)
+    }
+}
+
+/// The error of reading a measure, with help if it is the name of a curve.
+#[must_use]
+pub fn explain_curve(error: InputError) -> InputError {
+    let name = error
+        .unexpected_variant()
+        .filter(|_| error.message.contains("`EpisodesToSolve`"));
+    let Some(curve) = name.filter(|name| ron::from_str::<Curve>(name).is_ok()) else {
+        return error;
+    };
+    let help = format!(
+        "`{curve}` is a curve: write `Last(of: {curve})`, `Mean(of: {curve})` or `At(of: {curve}, episode: 100)`"
+    );
+    InputError {
+        help: Some(help),
+        ..error
     }
 }
 

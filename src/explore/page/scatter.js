@@ -180,12 +180,14 @@ class Scatter {
   /** Ticks of the plots at the left and at the bottom. */
   drawTicks(pen, theme, { left, top, width, height, isFirst, isLast }, x, y) {
     const share = (axis, value) => (value - axis.low) / (axis.high - axis.low);
-    /* Numbers at the ends of small plots would touch those of the next one. */
-    const values = (axis, length) => ticks(axis, length < 150 ? 2 : 4).filter((value) => length >= 150 || Math.abs(share(axis, value) - 0.5) < 0.45);
-    for (const value of isLast ? values(x, width) : []) {
+    const isSmall = (length) => length < 150;
+    /* Numbers at the ends of small plots would touch those of the next one. `size`: of a number, in pixels. */
+    const hasRoom = (axis, value, length, size) => !isSmall(length) || (0.5 - Math.abs(share(axis, value) - 0.5)) * length + PLOT_GAP / 2 > size / 2 + 3;
+    const values = (axis, length, size) => ticks(axis, isSmall(length) ? 2 : 4).filter((value) => hasRoom(axis, value, length, size(value)));
+    for (const value of isLast ? values(x, width, (value) => 6 * formatNumber(value).length) : []) {
       pen.text(formatNumber(value), left + share(x, value) * width, top + height + 13, theme.tick, 10, "center", 60);
     }
-    for (const value of isFirst ? values(y, height) : []) {
+    for (const value of isFirst ? values(y, height, () => 10) : []) {
       pen.text(formatNumber(value), left - 4, top + (1 - share(y, value)) * height + 3, theme.tick, 10, "right", 30);
     }
   }

@@ -43,9 +43,15 @@ pub(super) fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunEr
         &settings(&plan.environment_text),
         |stored, planned| {
             if stored.contains(SOURCE) {
+                let python_file = plan
+                    .description
+                    .gymnasium()
+                    .and_then(|task| task.python_file());
+                let file = python_file.unwrap_or_default();
                 return format!(
-                    "the Python file of `{task}` has changed since the run in {run} began; resume it with the changed \
-                     file with `--other-versions`"
+                    "{} has changed since the run in {run} began; resume it with the changed file with \
+                     `--other-versions`, or begin a new run with `--out` or `--overwrite`",
+                    file.display()
                 );
             }
             format!(

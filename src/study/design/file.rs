@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::direction::ClaimDirection;
 use super::figure::Figure;
-use crate::experiment::measure::Measure;
+use crate::experiment::measure::{self, Measure};
 use crate::input_files;
 use crate::scenario::synonyms;
 use crate::study::external::source::{ResultsSource, SolvedAt};
@@ -379,7 +379,9 @@ impl Study {
     /// # Errors
     /// The file is no study.
     pub fn read(path: &Path) -> Result<Document<Self>, InputError> {
-        input_files::read(path).map_err(synonyms::explain_in_study)
+        input_files::read(path)
+            .map_err(synonyms::explain_in_study)
+            .map_err(measure::explain_curve)
     }
 
     /// Number of cells of the grid.
