@@ -1,8 +1,7 @@
 //! Sums over sorted resamples of one sample, several resamples at once.
 //!
-//! The scores of a resample are added one after the other in ascending order, each as often as its run was drawn. Sums have the bits
-//! of [`Iterator::sum`] over the sorted resample, which is never written down: a number of draws differs from resample to resample,
-//! so what is not drawn again adds −0, which changes no sum.
+//! Each score is multiplied by the number of times that its run was drawn, and these products are added in ascending order of the
+//! scores: the sorted resample is never written down. The scores are finite, because ∞ times no draw would be NaN.
 
 #![expect(
     clippy::inline_always,
@@ -12,8 +11,6 @@
 use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
-
-use super::USUAL_DRAWS;
 
 /// Number of resamples that are summed at once.
 pub(super) const LANES: usize = 16;
@@ -30,7 +27,7 @@ const BLOCK: usize = 16;
 /// What is summed.
 #[derive(Clone, Copy)]
 pub(super) struct SortedSums<'a> {
-    /// Scores in ascending order: `[n]`.
+    /// Finite scores in ascending order: `[n]`.
     pub(super) sorted: &'a [f64],
     /// The run of each of these scores: `[n]`.
     pub(super) order: &'a [u32],
@@ -62,7 +59,7 @@ impl WithSimd for OfResamples<'_> {
             middle,
         } = self.of;
         let middle = middle.start as u32..middle.end as u32;
-        let (mut all, mut inner, mut positions) = ([-0.0; LANES], [-0.0; LANES], [0; LANES]);
+        let (mut all, mut inner, mut positions) = ([0.0; LANES], [0.0; LANES], [0; LANES]);
         for (scores, runs) in sorted.chunks(BLOCK).zip(order.chunks(BLOCK)) {
             let of_block = || {
                 let counts = runs.iter().map(|&run| &self.counts[run as usize]);
@@ -95,27 +92,15 @@ impl WithSimd for OfResamples<'_> {
     }
 }
 
-/// Adds a score to each sum as often as it was drawn.
+/// Adds a score times the number of its draws to each sum.
 #[inline(always)]
 fn add(sums: &mut Lanes, score: f64, counts: &Counts) {
-    // Two loops, because the end of one with an unpredictable length takes longer than the rest of it.
-    for draw in 0..USUAL_DRAWS as u8 {
-        add_draw(sums, score, draw, counts);
-    }
-    for draw in USUAL_DRAWS as u8..largest_count(counts) {
-        add_draw(sums, score, draw, counts);
-    }
-}
-
-/// Adds a score where it was drawn more than `draw` times.
-#[inline(always)]
-fn add_draw(sums: &mut Lanes, score: f64, draw: u8, counts: &Counts) {
     for (sum, &count) in sums.iter_mut().zip(counts) {
-        *sum += if draw < count { score } else { -0.0 };
+        *sum += score * f64::from(count);
     }
 }
 
-/// Adds a score to each sum as often as it was drawn to a position in the middle.   `positions`: of the first draw
+/// Adds a score times the number of its draws that are in the middle to each sum.   `positions`: of the first draw
 #[inline(always)]
 fn add_part(
     sums: &mut Lanes,
@@ -123,20 +108,15 @@ fn add_part(
     (counts, positions): (&Counts, &[u32; LANES]),
     middle: &Range<u32>,
 ) {
-    let (mut first_draws, mut numbers_of_draws) = ([0; LANES], [0; LANES]);
-    for lane in 0..LANES {
-        let [start, end] =
-            [middle.start, middle.end].map(|end| end.saturating_sub(positions[lane]));
-        first_draws[lane] = start;
-        numbers_of_draws[lane] = end.min(counts[lane].into()).saturating_sub(start);
+    let mut draws = [0; LANES];
+    for ((draws, &position), &count) in draws.iter_mut().zip(positions).zip(counts) {
+        let (start, end) = (
+            middle.start.max(position),
+            middle.end.min(position + u32::from(count)),
+        );
+        *draws = (end.max(start) - start) as u8;
     }
-    for draw in 0..u32::from(largest_count(counts)) {
-        for ((sum, first), number) in sums.iter_mut().zip(first_draws).zip(numbers_of_draws) {
-            // A draw before the first is a large number.
-            let is_summed = draw.wrapping_sub(first) < number;
-            *sum += if is_summed { score } else { -0.0 };
-        }
-    }
+    add(sums, score, &draws);
 }
 
 #[inline(always)]
@@ -144,11 +124,6 @@ fn advance(positions: &mut [u32; LANES], counts: &Counts) {
     for (position, &count) in positions.iter_mut().zip(counts) {
         *position += u32::from(count);
     }
-}
-
-#[inline(always)]
-fn largest_count(counts: &Counts) -> u8 {
-    counts.iter().copied().fold(0, u8::max)
 }
 
 #[inline(always)]
