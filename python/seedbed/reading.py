@@ -338,6 +338,8 @@ class Run:
         over: Literal["episodes", "env-steps"] = "episodes",
         theme: Literal["paper", "talk", "dark"] = "paper",
         log: Literal["x", "y", "x,y"] | None = None,
+        x_range: tuple[float, float] | None = None,
+        y_range: tuple[float, float] | None = None,
         size: tuple[int, int] | None = None,
         width: str | None = None,
         height: str | None = None,
@@ -362,6 +364,8 @@ class Run:
             over: What returns and curves are drawn over.
             theme: Colors and size of letters.
             log: Logarithmic axes of returns and curves; values of 0 and below are left out.
+            x_range: Ends of the horizontal axis of returns and curves.
+            y_range: Ends of their vertical axis.
             size: Width and height in CSS pixels.
             width: Width in print with its unit, such as "8.4cm"; instead of `size`.
             height: Height in print with its unit; by default it fits the content.
@@ -392,6 +396,8 @@ class Run:
         options += [] if lines is None else ["--lines", str(lines)]
         options += [] if size is None else ["--size", f"{size[0]}x{size[1]}"]
         options += ["--over", over, "--theme", theme] + ([] if log is None else ["--log", log])
+        for option, ends in (("--x-range", x_range), ("--y-range", y_range)):
+            options += [] if ends is None else [f"{option}={ends[0]}..{ends[1]}"]
         for option, length in (("--width", width), ("--height", height), ("--font", font)):
             options += [] if length is None else [option, _length(option, length)]
         options += [] if title else ["--no-title"]

@@ -25,7 +25,8 @@ use seedbed::study::store::{StoredRun, StudyFolder};
 /// Options of commands that execute runs in the directory of a study.
 #[derive(Debug, Args)]
 pub(super) struct ExecutionArgs {
-    /// Number of threads; each makes short runs of one cell together, up to eight at once [default: number of cores]
+    /// Number of threads; each makes short runs of one cell together, up to eight at once [default: number of cores; in
+    /// the tasks of job scripts 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(super) jobs: Option<u16>,
     /// Repeat runs that failed before

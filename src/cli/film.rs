@@ -25,7 +25,7 @@ use seedbed::storage::files::{self, Replacement};
 
 On the left, the bodies of one agent: the last seconds of some episodes, in real time. If the motion of the agent was not \
 recorded (`recording: (scene: …)` in the scenario; by default every tenth episode of agent 0), and in environments of \
-Gymnasium, recorded episodes are played again. On the right, the states that all agents have visited so far; below, their \
+Gymnasium, recorded episodes are played again. On the right, the states that all agents have visited up to the episode that is shown, as a map if there are two observations; below, their \
 returns. With --policy, the film shows only the motion.")]
 pub(super) struct FilmArgs {
     /// Run directory

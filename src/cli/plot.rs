@@ -211,15 +211,12 @@ pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
 /// Refuses a page on which panels would have no room.
 fn check_height(figure: &Figure) -> Result<(), CliError> {
     const MIN_ROW_HEIGHT: f64 = 70.0;
-    let lowest = figure
-        .rows
-        .iter()
-        .map(|row| row.height)
-        .fold(f64::INFINITY, f64::min);
+    let heights = || figure.rows_of_panels().map(|row| row.height);
+    let lowest = heights().fold(f64::INFINITY, f64::min);
     if lowest >= MIN_ROW_HEIGHT {
         return Ok(());
     }
-    let rows = pluralize(figure.rows.len(), "row");
+    let rows = pluralize(heights().count(), "row");
     let message = format!(
         "the page is too low for {rows} of panels; choose a larger height, or fewer parts with --what, e.g. --what returns"
     );
@@ -244,7 +241,7 @@ fn size_text(figure: &Figure, layout: &PrintLayout, format: Format) -> String {
 }
 
 fn panel_count(figure: &Figure) -> usize {
-    let panels = figure.rows.iter().flat_map(|row| &row.panels);
+    let panels = figure.rows_of_panels().flat_map(|row| &row.panels);
     panels.filter(|panel| **panel != Panel::Blank).count()
 }
 

@@ -98,7 +98,7 @@ impl Observer for RunProgress {
         (self.started, self.steps_before) = (Instant::now(), progress.env_steps);
         let Played { count, max, unit } = Played::of(progress);
         if progress.env_steps > 0 {
-            note!("resumed    after {count} of {max} {unit}");
+            note!("resumed    from the newest checkpoint, after {count} of {max} {unit}");
         }
         if let Some(bar) = &self.bar {
             bar.set_length(max);

@@ -357,7 +357,13 @@ impl PlotPage<'_> {
 
     /// Height of the plots of maps to scale with so many columns. Rows of this height have no empty space.
     fn size_of_map(&self, columns: usize, aspect: f64) -> f64 {
-        let width = (self.settings.width - WIDTH_OF_KEY) / columns as f64 - WIDTH_OF_LABELS;
+        // In narrow pages the key is below.
+        let key = if self.settings.width < 5.0 * WIDTH_OF_KEY {
+            0.0
+        } else {
+            WIDTH_OF_KEY
+        };
+        let width = (self.settings.width - key) / columns as f64 - WIDTH_OF_LABELS;
         width * aspect
     }
 }

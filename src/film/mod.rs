@@ -31,8 +31,8 @@ use crate::run::{Plan, RunError};
 use seedbed_env::{Physics, TaskDescription, TaskSpec};
 use seedbed_figure::color::{TEAM_COLOR, agent_color};
 use seedbed_figure::{
-    Axis, Curves, Figure, Panel, ParallelCoordinates, Pixels, RenderError, Row, Series, StateLine,
-    States,
+    Axis, Curves, Figure, Panel, ParallelCoordinates, Pixels, RenderError, Row, Scatter,
+    ScatterPoint, Series, StateLine, States,
 };
 use seedbed_input::InputError;
 
@@ -168,6 +168,9 @@ const MAX_LINES: usize = 600;
 /// Maximum number of observations with an axis. More would be narrower than a pixel.
 const MAX_AXES: usize = 100;
 
+/// Maximum number of agents with a map of their own.
+const MAX_AGENT_MAPS: u32 = 4;
+
 /// Maximum number of agents with a curve of their own.
 const MAX_AGENT_CURVES: usize = 16;
 
@@ -290,9 +293,12 @@ impl Film {
             None => vec![row(self.motion.height(), motion.into_iter().collect())],
             Some(training) => {
                 let episode = self.episode_at(number, training);
-                let states = Panel::ParallelCoordinates(training.visited_states(episode));
                 let curves = Panel::Curves(training.curves(episode));
-                let above = motion.into_iter().chain([states]).collect();
+                let states = match motion {
+                    None => training.visited_states_of_agents(episode),
+                    Some(_) => vec![training.visited_states(episode)],
+                };
+                let above = motion.into_iter().chain(states).collect();
                 vec![row(230.0, above), row(120.0, vec![curves])]
             }
         };
@@ -331,18 +337,59 @@ impl Training {
         episodes.max(1) as u32 - 1
     }
 
-    fn visited_states(&self, episode: u32) -> ParallelCoordinates {
-        let visited = self.states.iter();
-        let visited = visited.take_while(|(_, state)| state.episode <= episode);
+    /// Maps of a few agents, beside each other; otherwise one panel of all.
+    fn visited_states_of_agents(&self, episode: u32) -> Vec<Panel> {
+        let agents = self.returns.len() as u32;
+        if self.axes.len() != 2 || agents > MAX_AGENT_MAPS {
+            return vec![self.visited_states(episode)];
+        }
+        let panel = |number| {
+            let states = self
+                .states
+                .iter()
+                .filter(move |(agent, _)| *agent == number);
+            let title = format!("agent {number}, episodes 0 to {episode}");
+            self.panel_of_states(title, episode, states)
+        };
+        (0..agents).map(panel).collect()
+    }
+
+    fn visited_states(&self, episode: u32) -> Panel {
+        let title = format!("visited states of all agents, episodes 0 to {episode}");
+        self.panel_of_states(title, episode, self.states.iter())
+    }
+
+    /// A map of two axes, or parallel coordinates, of the states up to an episode.
+    fn panel_of_states<'a>(
+        &self,
+        title: String,
+        episode: u32,
+        states: impl Iterator<Item = &'a (u32, SelectedState)>,
+    ) -> Panel {
+        let visited = states.take_while(|(_, state)| state.episode <= episode);
+        if let [x, y] = &self.axes[..] {
+            let points = visited.map(|(agent, state)| ScatterPoint {
+                position: [0, 1]
+                    .map(|axis| self.axes[axis].value_at(state.selected_axis_positions[axis])),
+                color: agent_color(*agent),
+            });
+            return Panel::Scatter(Scatter {
+                title,
+                x: x.clone(),
+                y: y.clone(),
+                points: points.collect(),
+                lines: Vec::new(),
+            });
+        }
         let lines = visited.map(|(agent, state)| StateLine {
             axis_positions: state.selected_axis_positions.clone(),
             color: agent_color(*agent),
         });
-        ParallelCoordinates {
-            title: format!("visited states of all agents, episodes 0 to {episode}"),
+        Panel::ParallelCoordinates(ParallelCoordinates {
+            title,
             axes: self.axes.clone(),
             states: States::Lines(lines.collect()),
-        }
+        })
     }
 
     /// Name of the axis of returns, with the share of NaN, where curves have gaps.

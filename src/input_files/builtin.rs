@@ -99,6 +99,8 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "envs/travel_side.ron",
     "envs/travel_side_easy.ron",
     "envs/two_poles.ron",
+    "envs/valleys_2.ron",
+    "envs/valleys_easy.ron",
     "envs/mistakes/ball_on_beam_naive.ron",
     "envs/mistakes/parking_distance.ron",
     "envs/mistakes/parking_naive.ron",

@@ -154,7 +154,7 @@ impl FileSource for ListedFiles {
     }
 }
 
-/// The file that a command-line argument names: a path, or a name in one of `directories`, which
+/// The file that a command-line argument names: a path, or a name in one of `directories`, with or without `.ron`, which
 /// are tried in turn; `-` is the standard input.
 ///
 /// # Errors
@@ -169,9 +169,10 @@ pub fn find_argument(path: &Path, directories: &[Directory]) -> Result<PathBuf, 
     }
     let argument = path.to_string_lossy();
     let start_folders = [working_directory()];
+    let name = argument.strip_suffix(".ron").unwrap_or(&argument);
     let found = directories
         .iter()
-        .find_map(|&directory| find(&argument, directory, &start_folders).ok());
+        .find_map(|&directory| find(name, directory, &start_folders).ok());
     found.ok_or_else(|| not_found(&argument, directories, &start_folders))
 }
 

@@ -2,6 +2,7 @@
 
 use super::color::{self, Color, MUTED_COLOR};
 use super::font::{Weight, fit_text, text_width};
+use super::legend::{self, Entry};
 use super::panel_axes::{LABEL_SIZE, TICK_SIZE};
 use super::scale::{Scale, format_significant, log_position};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
@@ -48,68 +49,173 @@ pub enum Key {
 const BAR_WIDTH: f64 = 12.0;
 const LINE_HEIGHT: f64 = 17.0;
 
+/// Distance of a bar below panels from both sides.
+const SIDE_OF_BAR: f64 = 48.0;
+
+/// A color bar.
+struct Bar<'a> {
+    label: &'a str,
+    /// The color at a share of the bar, from 0 at its low end to 1.
+    color_of: fn(Theme, f64) -> Color,
+    /// Shares of the bar with labels.
+    ticks: Vec<(f64, String)>,
+}
+
 impl Key {
-    /// Width of the key in CSS pixels.
+    /// Width of the key beside panels, in CSS pixels.
     pub(super) fn width(&self) -> f64 {
         match self {
             Self::Categories(names) => {
                 let names = names.iter().map(|(name, _)| name.as_str());
                 (widest(names) + 30.0).min(180.0)
             }
-            Self::Continuous { range, .. } => {
-                width_of_bar(&Scale::new(*range, [0.0, 1.0]).ticks(4))
-            }
-            Self::Counts { max_count, .. } => width_of_bar(&count_ticks(*max_count)),
-            Self::Shares {
-                max_count, total, ..
-            } => width_of_bar(&share_ticks(*max_count, *total)),
-            Self::Differences { max, .. } => width_of_bar(&difference_ticks(*max)),
+            _ => self.bar().map_or(0.0, |bar| width_of_bar(&bar.ticks)),
         }
     }
 
-    pub(super) fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
+    /// Height of the key below panels of this width together, in CSS pixels.
+    pub(super) fn height_below(&self, width: f64) -> f64 {
         match self {
-            Self::Categories(names) => draw_names(names, area, svg),
+            Self::Categories(names) => legend::height_of_lines(&entries(names), width),
+            _ => 44.0,
+        }
+    }
+
+    /// Draws the key beside panels.
+    pub(super) fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
+        if let Self::Categories(names) = self {
+            draw_names(names, area, svg);
+        } else if let Some(bar) = self.bar() {
+            bar.draw(area, svg);
+        }
+    }
+
+    /// Draws the key below panels.
+    pub(super) fn draw_below(&self, area: &Rect, svg: &mut SvgWriter) {
+        if let Self::Categories(names) = self {
+            legend::draw_lines(&entries(names), area, svg);
+        } else if let Some(bar) = self.bar() {
+            bar.draw_lying(area, svg);
+        }
+    }
+
+    /// The bar of a key that is one.
+    fn bar(&self) -> Option<Bar<'_>> {
+        let bar = match self {
+            Self::Categories(_) => return None,
             Self::Continuous { label, range } => {
-                draw_bar(area, svg, label, |theme, share| {
-                    theme.color(color::sequential_color(share))
-                });
-                let scale = Scale::new(*range, [area.bottom(), area.y]);
+                let scale = Scale::new(*range, [0.0, 1.0]);
                 let ticks = scale.ticks(4).into_iter();
-                ticks.for_each(|(value, text)| draw_tick(area, svg, scale.position(value), &text));
+                Bar {
+                    label,
+                    color_of: |theme, share| theme.color(color::sequential_color(share)),
+                    ticks: ticks
+                        .map(|(value, text)| (scale.position(value), text))
+                        .collect(),
+                }
             }
             Self::Shares {
                 label,
                 max_count,
                 total,
             } => {
-                draw_bar(area, svg, label, Theme::density_color);
-                for (count, text) in share_ticks(*max_count, *total) {
-                    draw_tick(
-                        area,
-                        svg,
-                        area.bottom() - log_position(count, *max_count) * area.height,
-                        &text,
-                    );
-                }
-            }
-            Self::Differences { label, max } => {
-                draw_bar(area, svg, label, |theme, share| {
-                    theme.difference_color(2.0 * share - 1.0)
-                });
-                for (root, text) in difference_ticks(*max) {
-                    let y = area.bottom() - f64::midpoint(root, 1.0) * area.height;
-                    draw_tick(area, svg, y, &text);
+                let ticks = share_ticks(*max_count, *total).into_iter();
+                let share = |count| log_position(count, *max_count);
+                Bar {
+                    label,
+                    color_of: Theme::density_color,
+                    ticks: ticks.map(|(count, text)| (share(count), text)).collect(),
                 }
             }
             Self::Counts { label, max_count } => {
-                draw_bar(area, svg, label, Theme::density_color);
-                for (count, text) in count_ticks(*max_count) {
-                    let position =
-                        area.bottom() - log_position(f64::from(count), *max_count) * area.height;
-                    draw_tick(area, svg, position, &text);
+                let ticks = count_ticks(*max_count).into_iter();
+                let share = |count| log_position(f64::from(count), *max_count);
+                Bar {
+                    label,
+                    color_of: Theme::density_color,
+                    ticks: ticks.map(|(count, text)| (share(count), text)).collect(),
                 }
             }
+            Self::Differences { label, max } => {
+                let ticks = difference_ticks(*max).into_iter();
+                Bar {
+                    label,
+                    color_of: |theme, share| theme.difference_color(2.0 * share - 1.0),
+                    ticks: ticks
+                        .map(|(root, text)| (f64::midpoint(root, 1.0), text))
+                        .collect(),
+                }
+            }
+        };
+        Some(bar)
+    }
+}
+
+/// Names with their colors, as entries of a legend.
+fn entries(names: &[(String, Color)]) -> Vec<Entry<'_>> {
+    names
+        .iter()
+        .map(|(name, color)| Entry {
+            name,
+            color: *color,
+        })
+        .collect()
+}
+
+impl Bar<'_> {
+    /// Draws the bar upright, with its label rotated to its right.
+    fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
+        draw_bar(area, svg, self.label, self.color_of);
+        for (share, text) in &self.ticks {
+            draw_tick(area, svg, area.bottom() - share * area.height, text);
+        }
+    }
+
+    /// Draws the bar from left to right, with its label above and numbers below that do not touch.
+    fn draw_lying(&self, area: &Rect, svg: &mut SvgWriter) {
+        let bar = Rect {
+            x: area.x + SIDE_OF_BAR,
+            y: area.y + 14.0,
+            width: area.width - 2.0 * SIDE_OF_BAR,
+            height: BAR_WIDTH,
+        };
+        for index in 0..STEPS {
+            let step = bar.width / f64::from(STEPS);
+            let is_last = index + 1 == STEPS;
+            let part = Rect {
+                x: bar.x + step * f64::from(index),
+                width: if is_last { step } else { step + 0.5 },
+                ..bar
+            };
+            let share = (f64::from(index) + 0.5) / f64::from(STEPS);
+            svg.rectangle_of_theme(&part, (self.color_of)(svg.theme(), share), 1.0);
+        }
+        let label = fit_text(self.label, area.width, LABEL_SIZE, Weight::Regular);
+        let middle = bar.x + bar.width / 2.0;
+        svg.text(
+            [middle, area.y + 9.0],
+            &label,
+            TextStyle::new(LABEL_SIZE, Anchor::Middle),
+        );
+        let mut end = f64::NEG_INFINITY;
+        for (share, text) in &self.ticks {
+            let (x, half) = (
+                bar.x + share * bar.width,
+                text_width(text, TICK_SIZE, Weight::Regular) / 2.0,
+            );
+            if x - half < end + 4.0 {
+                continue;
+            }
+            end = x + half;
+            svg.line(
+                &[[x, bar.bottom()], [x, bar.bottom() + 3.0]],
+                Stroke::new(MUTED_COLOR, 1.0),
+            );
+            svg.text(
+                [x, bar.bottom() + 14.0],
+                text,
+                TextStyle::new(TICK_SIZE, Anchor::Middle).color(MUTED_COLOR),
+            );
         }
     }
 }
@@ -206,9 +312,10 @@ fn draw_names(names: &[(String, Color)], area: &Rect, svg: &mut SvgWriter) {
 /// Length by which the label of a color bar may be longer than the bar, which is shorter than its row.
 const ROOM_AROUND: f64 = 56.0;
 
-/// Draws a color bar, with its label rotated to its right.
+/// Number of rectangles of a color bar.
+const STEPS: u32 = 64;
+
 fn draw_bar(area: &Rect, svg: &mut SvgWriter, label: &str, color_of: fn(Theme, f64) -> Color) {
-    const STEPS: u32 = 64;
     let step = area.height / f64::from(STEPS);
     for index in 0..STEPS {
         // Each step overlaps the next one, so that no white gap is visible between them.

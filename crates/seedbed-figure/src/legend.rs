@@ -80,12 +80,17 @@ pub(super) fn place(
     if let Some(rect) = free_rect_of_size(size, plot, points).filter(|_| has_room) {
         return Place::Inside(rect);
     }
-    let height_below = 6.0 + LINE_HEIGHT * lines(entries, panel.width).len() as f64;
+    let height_below = height_of_lines(entries, panel.width);
     let is_too_large_beside = !has_room || size[0] > MAX_SHARE_BESIDE * panel.width;
     if is_too_large_beside && height_below < MAX_SHARE_BELOW * panel.height {
         return Place::Below(height_below);
     }
     Place::Beside(size[0].min(0.4 * panel.width))
+}
+
+/// Height of the entries in lines of this width.
+pub(super) fn height_of_lines(entries: &[Entry<'_>], width: f64) -> f64 {
+    6.0 + LINE_HEIGHT * lines(entries, width).len() as f64
 }
 
 /// The entries of each line of a legend of this width, as indices.
@@ -138,7 +143,8 @@ pub(super) fn draw(
     }
 }
 
-fn draw_lines(entries: &[Entry<'_>], rect: &Rect, svg: &mut SvgWriter) {
+/// Draws the entries in lines, one beside the other.
+pub(super) fn draw_lines(entries: &[Entry<'_>], rect: &Rect, svg: &mut SvgWriter) {
     for (line, indices) in lines(entries, rect.width).iter().enumerate() {
         let y = rect.y + LINE_HEIGHT * (line as f64 + 0.5);
         let mut x = rect.x;

@@ -99,6 +99,15 @@ pub struct Axis {
 }
 
 impl Axis {
+    /// The value at a fraction of the range.
+    #[must_use]
+    pub fn value_at(&self, fraction: f32) -> f32 {
+        let [low, high] = self.range;
+        low + fraction * (high - low)
+    }
+}
+
+impl Axis {
     /// Name and unit, such as `angle [rad]`.
     fn label(&self) -> String {
         if self.unit.is_empty() {
@@ -152,6 +161,8 @@ pub enum Panel {
     Drawing(Drawing),
     /// A picture with its own proportions.
     Picture(Picture),
+    /// The color key of the rows above, on a narrow page.
+    Key(Key),
     /// An empty space, so that the panels of several rows are aligned.
     Blank,
 }

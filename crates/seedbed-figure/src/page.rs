@@ -5,13 +5,16 @@ use super::pair::is_to_scale;
 use super::panel_axes::TITLE_HEIGHT;
 use super::svg::{Anchor, Rect, SvgWriter, TextStyle};
 use super::{
-    Curves, Drawing, Figure, HeatMap, Intervals, NumberGrid, Panel, ParallelCoordinates, Picture,
-    Pixels, RenderError, Row, Scatter, Theme, pdf, pixels,
+    Curves, Drawing, Figure, HeatMap, Intervals, Key, NumberGrid, Panel, ParallelCoordinates,
+    Picture, Pixels, RenderError, Row, Scatter, Theme, pdf, pixels,
 };
 
 const HEADING_SIZE: f64 = 15.0;
 const MARGIN: f64 = 8.0;
 const GAP: f64 = 10.0;
+
+/// Share of the width of a page that a key may take beside several maps.
+const MAX_SHARE_OF_KEY: f64 = 0.2;
 
 /// What surrounds the plot of a map: labels on the left, title and labels below.
 const WIDTH_OF_LABELS: f64 = 60.0;
@@ -28,14 +31,19 @@ impl Figure {
             + self.rows.iter().map(|row| row.height).sum::<f64>()
     }
 
-    /// Sets the width and height of the page. The heights of the rows keep their proportions.
+    /// Sets the width and height of the page. The heights of the rows keep their proportions; keys keep their heights.
     pub fn resize(&mut self, width: f64, height: f64) {
-        let height_without_rows =
-            self.height() - self.rows.iter().map(|row| row.height).sum::<f64>();
-        let factor =
-            ((height - height_without_rows) / (self.height() - height_without_rows)).max(0.0);
+        let of_panels: f64 = self.rows_of_panels().map(|row| row.height).sum();
+        let others = self.height() - of_panels;
+        let factor = ((height - others) / of_panels).max(0.0);
         self.width = width;
-        self.rows.iter_mut().for_each(|row| row.height *= factor);
+        let rows = self.rows.iter_mut().filter(|row| !row.is_key());
+        rows.for_each(|row| row.height *= factor);
+    }
+
+    /// All rows but those of keys.
+    pub fn rows_of_panels(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter().filter(|row| !row.is_key())
     }
 
     /// The text of an SVG file.
@@ -146,12 +154,23 @@ impl Row {
     }
 
     /// The row or, if its panels of states would be too narrow on a page of this width, several rows of fewer panels. Rows of maps
-    /// to scale are no higher than these.
+    /// to scale are no higher than these. A key that would take a large part of the page is a row of its own.
     pub(super) fn split_for(mut self, page: f64) -> Vec<Self> {
         let columns = self.panels.len().max(1);
         let width = self.width_of_panels(page);
         let needed = self.panels.iter().map(Panel::min_width).fold(0.0, f64::max);
-        let fitting = ((width / needed.max(1.0)) as usize).clamp(1, columns);
+        let fitting_in = |width: f64| ((width / needed.max(1.0)) as usize).clamp(1, columns);
+        let fitting = fitting_in(width);
+        let is_wide_key = self.key_width() > MAX_SHARE_OF_KEY * page;
+        if is_wide_key
+            && needed > 0.0
+            && fitting_in(page - 2.0 * MARGIN) > 1
+            && let Some(key) = self.key.take()
+        {
+            let mut rows = self.split_for(page);
+            rows.push(Self::of_key(key, page - 2.0 * MARGIN));
+            return rows;
+        }
         let column_width = width / fitting as f64 - GAP;
         if fitting == columns || needed == 0.0 {
             let height_to_scale = height_of_maps(&self.panels, column_width);
@@ -171,6 +190,20 @@ impl Row {
             }
         };
         panels.chunks(fitting).map(row).collect()
+    }
+
+    /// Whether this is the key of the rows above.
+    pub(super) fn is_key(&self) -> bool {
+        matches!(self.panels[..], [Panel::Key(_)])
+    }
+
+    /// A row with the key of the rows above.
+    fn of_key(key: Key, width: f64) -> Self {
+        Self {
+            height: key.height_below(width),
+            panels: vec![Panel::Key(key)],
+            key: None,
+        }
     }
 
     fn key_width(&self) -> f64 {
@@ -259,6 +292,7 @@ impl Panel {
             Self::NumberGrid(numbers) => numbers.draw(area, svg),
             Self::Drawing(shapes) => shapes.draw(area, svg),
             Self::Picture(picture) => picture.draw(area, svg),
+            Self::Key(key) => key.draw_below(area, svg),
             Self::Blank => {}
         }
     }
@@ -273,7 +307,7 @@ impl Panel {
             | Self::NumberGrid(NumberGrid { title, .. })
             | Self::Drawing(Drawing { title, .. })
             | Self::Picture(Picture { title, .. }) => title,
-            Self::Blank => "",
+            Self::Key(_) | Self::Blank => "",
         }
     }
 }
@@ -539,6 +573,39 @@ mod tests {
             ..row.clone()
         };
         assert_eq!(row.split_for(380.0), [fitting]);
+    }
+
+    /// A key of 78 pixels and a gap of 10 take more than a fifth of a page of 300: it is below two rows of two.
+    #[test]
+    fn keys_are_below_maps_in_narrow_pages() {
+        let axis = || axis("x");
+        let map = Panel::HeatMap(HeatMap {
+            title: String::new(),
+            x: axis(),
+            y: axis(),
+            cells: Cells::Counts {
+                counts: vec![1; 4],
+                max_count: 1,
+            },
+            columns: 2,
+            lines: Vec::new(),
+        });
+        let key = Key::Counts {
+            label: "states per cell".to_owned(),
+            max_count: 100,
+        };
+        let row = Row {
+            height: 250.0,
+            panels: vec![map; 4],
+            key: Some(key.clone()),
+        };
+        let rows = row.clone().split_for(300.0);
+        let panels: Vec<usize> = rows.iter().map(|row| row.panels.len()).collect();
+        assert_eq!(panels, [2, 2, 1]);
+        assert_eq!(rows[2].panels, [Panel::Key(key.clone())]);
+        assert!(rows.iter().all(|row| row.key.is_none()));
+        let beside = row.split_for(450.0);
+        assert!(beside.iter().all(|row| row.key.as_ref() == Some(&key)));
     }
 
     #[test]

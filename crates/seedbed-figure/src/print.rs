@@ -2,7 +2,7 @@
 
 use super::panel_axes::LABEL_SIZE;
 use super::pixels::PIXELS_PER_INCH;
-use super::{Figure, Panel, RenderError, Theme};
+use super::{Figure, Panel, RenderError, Row, Theme};
 
 /// Formats of files with figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,6 +99,7 @@ impl PrintLayout {
         let width = self.width_within(drawn);
         let rows = std::mem::take(&mut figure.rows).into_iter();
         figure.rows = rows.flat_map(|row| row.split_for(width)).collect();
+        drop_repeated_keys(&mut figure.rows);
         for row in &mut figure.rows {
             if let [Panel::Intervals(intervals)] = &row.panels[..] {
                 row.height = intervals.height_within(row.width_of_panels(width));
@@ -121,10 +122,19 @@ impl PrintLayout {
     }
 }
 
+/// Removes rows of keys that are also below later rows.
+fn drop_repeated_keys(rows: &mut Vec<Row>) {
+    for index in (0..rows.len()).rev() {
+        if rows[index].is_key() && rows[index + 1..].contains(&rows[index]) {
+            rows.remove(index);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Curves, Key, Row, Series};
+    use crate::{Curves, Key, Series};
 
     fn figure() -> Figure {
         let series = Series {

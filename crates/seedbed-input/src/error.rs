@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::former_names::FormerName;
+
 /// An error in a file that the user wrote. It is displayed as `file:line:column: in `field`:
 /// message`, followed by the line itself and a caret.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -72,6 +74,27 @@ impl InputError {
     pub fn unexpected_field(&self) -> Option<&str> {
         let rest = self.message.strip_prefix("unexpected field `")?;
         rest.split('`').next()
+    }
+
+    /// The error in a text that has former names of fields.
+    pub(crate) fn with_former_names(mut self, text: &str, names: &[FormerName]) -> Self {
+        let Some(place) = &mut self.position else {
+            return self;
+        };
+        let line = text.lines().nth(place.line - 1);
+        line.unwrap_or_default().clone_into(&mut place.text);
+        for name in names.iter().filter(|name| name.line == place.line) {
+            let [new, former] =
+                [name.new, name.former].map(|name| format!("unexpected field `{name}`"));
+            if self.message.starts_with(&new) {
+                self.message = self.message.replacen(&new, &former, 1);
+                let folder = self.field.strip_suffix(name.new);
+                self.field = folder.map_or(self.field.clone(), |folder| {
+                    format!("{folder}{}", name.former)
+                });
+            }
+        }
+        self
     }
 
     /// The name of the variant, if the error is that there is no such variant.

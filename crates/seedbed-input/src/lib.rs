@@ -52,10 +52,12 @@ pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document
     let tree = Tree::parse_partly(&text);
     let former_names = former_names_of(&tree);
     if !former_names.is_empty() {
-        let text = with_new_names(&text, &former_names);
+        let renamed = with_new_names(&text, &former_names);
+        let document = parse(origin, renamed)
+            .map_err(|error| error.with_former_names(&text, &former_names))?;
         return Ok(Document {
             former_names,
-            ..parse(origin, text)?
+            ..document
         });
     }
     let value = deserializer::read(&tree, None)

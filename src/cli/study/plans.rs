@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::arguments::{PlaceArgs, ResultsArgs};
 use crate::cli::CliError;
-use seedbed::input_files;
+use seedbed::input_files::{self, Directory};
 use seedbed::study::design::lock::{Lock, RegistrationError};
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::store::StudyFolder;
@@ -67,7 +67,7 @@ impl<'a> Selection<'a> {
     }
 
     fn plan(self, path: &Path) -> Result<StudyPlan, CliError> {
-        input_files::accept_stream(path);
+        let path = &input_files::find_argument(path, &[Directory::Scenarios])?;
         let plan = if self.before_results || self.is_registered {
             StudyPlan::load_before_results(path, self.quick)?
         } else {

@@ -182,7 +182,7 @@ class Scatter {
     const share = (axis, value) => (value - axis.low) / (axis.high - axis.low);
     const isSmall = (length) => length < 150;
     /* Numbers at the ends of small plots would touch those of the next one. `size`: of a number, in pixels. */
-    const hasRoom = (axis, value, length, size) => !isSmall(length) || (0.5 - Math.abs(share(axis, value) - 0.5)) * length + PLOT_GAP / 2 > size / 2 + 3;
+    const hasRoom = (axis, value, length, size) => !(isSmall(length) || this.plots.length > 1) || (0.5 - Math.abs(share(axis, value) - 0.5)) * length + PLOT_GAP / 2 > size / 2 + 3;
     const values = (axis, length, size) => ticks(axis, isSmall(length) ? 2 : 4).filter((value) => hasRoom(axis, value, length, size(value)));
     for (const value of isLast ? values(x, width, (value) => 6 * formatNumber(value).length) : []) {
       pen.text(formatNumber(value), left + share(x, value) * width, top + height + 13, theme.tick, 10, "center", 60);

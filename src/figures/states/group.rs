@@ -213,12 +213,10 @@ impl<'a> StateGroup<'a> {
         colors: &StateColors,
     ) -> Panel {
         let [x_axis, y_axis] = self.axes_of_pair(settings, [x, y]);
-        let axis_value =
-            |axis: &Axis, fraction: f32| axis.range[0] + fraction * (axis.range[1] - axis.range[0]);
         let point = |(agent, state): (u32, &SelectedState)| ScatterPoint {
             position: [
-                axis_value(&x_axis, state.axis_positions[x]),
-                axis_value(&y_axis, state.axis_positions[y]),
+                x_axis.value_at(state.axis_positions[x]),
+                y_axis.value_at(state.axis_positions[y]),
             ],
             color: colors.color(agent, state),
         };

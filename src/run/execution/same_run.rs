@@ -4,6 +4,7 @@ use super::Options;
 use crate::run::error::RunError;
 use crate::run::folder;
 use crate::run::plan::Plan;
+use seedbed_env::gymnasium::GymnasiumTask;
 use seedbed_settings::{Difference, Settings};
 
 /// The setting that says which Python file has the environment of a task.
@@ -46,7 +47,7 @@ pub(super) fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunEr
                 let python_file = plan
                     .description
                     .gymnasium()
-                    .and_then(|task| task.python_file());
+                    .and_then(GymnasiumTask::python_file);
                 let file = python_file.unwrap_or_default();
                 return format!(
                     "{} has changed since the run in {run} began; resume it with the changed file with \

@@ -430,6 +430,30 @@ fn hills_are_crossed_by_swinging() {
     }
 }
 
+/// A car that swings towards a valley, and brakes there, stops in this valley and in no other.
+#[test]
+fn a_weak_car_stops_in_the_valley_that_a_run_draws() {
+    let policy = |valley: u8| {
+        let place = [4.0, 8.0, -4.0, -8.0][usize::from(valley)];
+        move |s: &[f32]| {
+            let (away, forward) = (place - s[0], s[1].signum());
+            let energy = 0.5 * s[1] * s[1]
+                + std::f32::consts::FRAC_2_PI * (1.0 - (std::f32::consts::FRAC_PI_2 * s[0]).cos());
+            let leaves_wrongly = s[1] * away < 0.0 && energy > 1.1;
+            vec![if away.abs() < 2.0 || leaves_wrongly {
+                -forward
+            } else {
+                forward
+            }]
+        }
+    };
+    assert_each_goal_can_be_reached("valleys_2", 4, 500, |drawn, known| {
+        play_in_run("valleys_2", drawn.into(), 5, &policy(known))
+    });
+    let pushed = play_in_run("valleys_2", 0.0, 5, &|_| vec![1.0]);
+    assert!(pushed.iter().all(|&(total, _)| total == 0.0), "{pushed:?}");
+}
+
 /// A torque with the motion of the elbow adds energy until the tip is high on either side; a constant one does not lift it.
 #[test]
 fn a_weak_motor_swings_two_links_up() {
