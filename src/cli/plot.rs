@@ -381,12 +381,11 @@ pub(super) fn parse_agents(text: &str) -> Result<Range<u32>, String> {
             .filter(|agent| *agent <= 1_000_000)
             .ok_or(expected)
     };
-    let range = match text.split_once("..") {
-        Some((from, to)) => parse(from)?..parse(to)?,
-        None => {
-            let agent = parse(text)?;
-            agent..agent + 1
-        }
+    let range = if let Some((from, to)) = text.split_once("..") {
+        parse(from)?..parse(to)?
+    } else {
+        let agent = parse(text)?;
+        agent..agent + 1
     };
     if range.is_empty() {
         Err("the range is empty; expected A below B".to_owned())
