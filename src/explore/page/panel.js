@@ -204,7 +204,7 @@ class Panel {
       const max = maxima[Math.floor(pixel / size)];
       if (isDifference) {
         const share = Math.sign(count) * Math.sqrt(Math.abs(count) / max);
-        setPixel(rgba, offset, theme.differenceTable[Math.round(127.5 * (share + 1))], Math.abs(share) ** 0.5);
+        setPixel(rgba, offset, theme.differenceTable[Math.round(127.5 * (share + 1))], 0.4 + 0.6 * Math.abs(share));
       } else if (colors) {
         const color = [colors[0][pixel] / count, colors[1][pixel] / count, colors[2][pixel] / count];
         setPixel(rgba, offset, color, 0.25 + 0.75 * logShare(count, max));

@@ -53,7 +53,8 @@ class Scatter {
     this.countContext(agents);
     const pairs = this.selectedPairs(agents);
     const max = Math.max(...pairs.map(({ weights }) => largest(weights)), 0);
-    const scale = panel.app.view.color === "difference" ? [] : [`max ${formatCount(max)} per cell`];
+    const isDifference = panel.app.view.color === "difference";
+    const scale = [isDifference ? `differences up to ${formatShare(max)} of the states per cell, √ scale` : `max ${formatCount(max)} per cell`];
     const first = agents.length === MAX_PLOTS && panel.run.agents > MAX_PLOTS ? [`first ${MAX_PLOTS} shown agents`] : [];
     this.output.textContent = [...scale, ...first].join(", ");
     const grayMax = Math.max(...this.context.map(largest), 0);
