@@ -48,11 +48,11 @@ pub(super) fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunEr
                     .description
                     .gymnasium()
                     .and_then(GymnasiumTask::python_file);
-                let file = python_file.unwrap_or_default();
+                let place =
+                    python_file.map_or_else(String::new, |file| format!(" ({})", file.display()));
                 return format!(
-                    "{} has changed since the run in {run} began; resume it with the changed file with \
-                     `--other-versions`, or begin a new run with `--out` or `--overwrite`",
-                    file.display()
+                    "the Python file of `{task}` has changed since the run in {run} began{place}; resume it with the \
+                     changed file with `--other-versions`, or begin a new run with `--out` or `--overwrite`"
                 );
             }
             format!(
