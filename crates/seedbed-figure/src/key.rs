@@ -165,10 +165,33 @@ fn entries(names: &[(String, Color)]) -> Vec<Entry<'_>> {
 impl Bar<'_> {
     /// Draws the bar upright, with its label rotated to its right.
     fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
-        draw_bar(area, svg, self.label, self.color_of);
+        let step = area.height / f64::from(STEPS);
+        for index in 0..STEPS {
+            // Each step overlaps the next one, so that no white gap is visible between them.
+            let y = area.bottom() - step * f64::from(index + 1);
+            let part = Rect {
+                x: area.x,
+                y,
+                width: BAR_WIDTH,
+                height: if index == 0 { step } else { step + 0.5 },
+            };
+            svg.rectangle_of_theme(&part, self.color_of_step(index, svg), 1.0);
+        }
+        let middle = [area.right() - 4.0, area.y + area.height / 2.0];
+        let length = area.height + ROOM_AROUND;
+        let label = fit_text(self.label, length, LABEL_SIZE, Weight::Regular);
+        svg.text(
+            middle,
+            &label,
+            TextStyle::new(LABEL_SIZE, Anchor::Middle).upward(),
+        );
         for (share, text) in &self.ticks {
             draw_tick(area, svg, area.bottom() - share * area.height, text);
         }
+    }
+
+    fn color_of_step(&self, index: u32, svg: &SvgWriter) -> Color {
+        (self.color_of)(svg.theme(), (f64::from(index) + 0.5) / f64::from(STEPS))
     }
 
     /// Draws the bar from left to right, with its label above and numbers below that do not touch.
@@ -187,8 +210,7 @@ impl Bar<'_> {
                 width: if is_last { step } else { step + 0.5 },
                 ..bar
             };
-            let share = (f64::from(index) + 0.5) / f64::from(STEPS);
-            svg.rectangle_of_theme(&part, (self.color_of)(svg.theme(), share), 1.0);
+            svg.rectangle_of_theme(&part, self.color_of_step(index, svg), 1.0);
         }
         let label = fit_text(self.label, area.width, LABEL_SIZE, Weight::Regular);
         let middle = bar.x + bar.width / 2.0;
@@ -314,34 +336,6 @@ const ROOM_AROUND: f64 = 56.0;
 
 /// Number of rectangles of a color bar.
 const STEPS: u32 = 64;
-
-fn draw_bar(area: &Rect, svg: &mut SvgWriter, label: &str, color_of: fn(Theme, f64) -> Color) {
-    let step = area.height / f64::from(STEPS);
-    for index in 0..STEPS {
-        // Each step overlaps the next one, so that no white gap is visible between them.
-        let y = area.bottom() - step * f64::from(index + 1);
-        let part = Rect {
-            x: area.x,
-            y,
-            width: BAR_WIDTH,
-            height: if index == 0 { step } else { step + 0.5 },
-        };
-        let share = (f64::from(index) + 0.5) / f64::from(STEPS);
-        svg.rectangle_of_theme(&part, color_of(svg.theme(), share), 1.0);
-    }
-    let middle = [area.right() - 4.0, area.y + area.height / 2.0];
-    let label = fit_text(
-        label,
-        area.height + ROOM_AROUND,
-        LABEL_SIZE,
-        Weight::Regular,
-    );
-    svg.text(
-        middle,
-        &label,
-        TextStyle::new(LABEL_SIZE, Anchor::Middle).upward(),
-    );
-}
 
 fn draw_tick(area: &Rect, svg: &mut SvgWriter, y: f64, text: &str) {
     svg.line(
