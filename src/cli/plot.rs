@@ -311,7 +311,7 @@ impl PlotArgs {
     fn settings(&self, layout: &PrintLayout) -> FigureSettings {
         FigureSettings {
             parts: self.what.iter().map(|&part| part.into()).collect(),
-            agents: self.agents.iter().cloned().flatten().collect(),
+            agents: agents_in(&self.agents),
             episodes: self.episodes.clone(),
             conditions: self.conditions.clone(),
             axes: self.axes.clone(),
@@ -381,17 +381,23 @@ pub(super) fn parse_agents(text: &str) -> Result<Range<u32>, String> {
             .filter(|agent| *agent <= 1_000_000)
             .ok_or(expected)
     };
-    let range = if let Some((from, to)) = text.split_once("..") {
-        parse(from)?..parse(to)?
-    } else {
+    let Some((from, to)) = text.split_once("..") else {
         let agent = parse(text)?;
-        agent..agent + 1
+        return Ok(agent..agent + 1);
     };
+    not_empty(parse(from)?..parse(to)?)
+}
+
+/// All agents of the given ranges.
+pub(super) fn agents_in(ranges: &[Range<u32>]) -> Vec<u32> {
+    ranges.iter().cloned().flatten().collect()
+}
+
+fn not_empty(range: Range<u32>) -> Result<Range<u32>, String> {
     if range.is_empty() {
-        Err("the range is empty; expected A below B".to_owned())
-    } else {
-        Ok(range)
+        return Err("the range is empty; expected A below B".to_owned());
     }
+    Ok(range)
 }
 
 /// Parses a range of episodes, e.g. `0..50`, `150..` and `..50`.
@@ -405,12 +411,7 @@ pub(super) fn parse_episodes(text: &str) -> Result<Range<u32>, String> {
             text.parse().map_err(|_| expected)
         }
     };
-    let range = parse_end(from, 0)?..parse_end(to, u32::MAX)?;
-    if range.is_empty() {
-        Err("the range is empty; expected A below B".to_owned())
-    } else {
-        Ok(range)
-    }
+    not_empty(parse_end(from, 0)?..parse_end(to, u32::MAX)?)
 }
 
 /// Parses a size, e.g. `760x900`.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::evaluate::{EpisodeResult, describe_actions, evaluation_settings, print_table};
+use super::plot::agents_in;
 use super::progress::episode_bar;
 use super::run::recorder_factory_at;
 use super::{CliError, ReplayArgs, pluralize, warn_if_unverified};
@@ -15,7 +16,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
     let path = output_path(args, &folder)?;
     warn_if_unverified(&folder)?;
     let evaluation = evaluation_settings(args.episodes, &args.play)?;
-    let agents: Vec<u32> = args.agents.iter().cloned().flatten().collect();
+    let agents = agents_in(&args.agents);
     let settings = ReplaySettings {
         evaluation,
         drawn_agents: (!agents.is_empty()).then_some(agents.as_slice()),

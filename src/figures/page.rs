@@ -7,7 +7,7 @@ use super::settings::{FigureSettings, Part};
 use super::states::{self, StateGroup};
 use crate::review::selection::SelectedStates;
 use crate::scenario::recording::ColorBy;
-use seedbed_figure::{Figure, Key, Panel, Row};
+use seedbed_figure::{Figure, Key, MAX_SHARE_OF_KEY, Panel, Row};
 
 /// Minimum width of an axis with its name, in CSS pixels.
 const MIN_AXIS_WIDTH: f64 = 62.0;
@@ -357,12 +357,8 @@ impl PlotPage<'_> {
 
     /// Height of the plots of maps to scale with so many columns. Rows of this height have no empty space.
     fn size_of_map(&self, columns: usize, aspect: f64) -> f64 {
-        // In narrow pages the key is below.
-        let key = if self.settings.width < 5.0 * WIDTH_OF_KEY {
-            0.0
-        } else {
-            WIDTH_OF_KEY
-        };
+        let is_below = WIDTH_OF_KEY > MAX_SHARE_OF_KEY * self.settings.width;
+        let key = if is_below { 0.0 } else { WIDTH_OF_KEY };
         let width = (self.settings.width - key) / columns as f64 - WIDTH_OF_LABELS;
         width * aspect
     }

@@ -154,8 +154,9 @@ impl FileSource for ListedFiles {
     }
 }
 
-/// The file that a command-line argument names: a path, or a name in one of `directories`, with or without `.ron`, which
-/// are tried in turn; `-` is the standard input.
+/// The file that a command-line argument names: a path, or a name in one of `directories`, which are tried in turn; `-` is
+/// the standard input. A name with `.ron` is that of a file on the disk, and never of a built-in one: it would be another file
+/// than the one that was meant.
 ///
 /// # Errors
 /// There is no such file, with the names that exist.
@@ -170,9 +171,11 @@ pub fn find_argument(path: &Path, directories: &[Directory]) -> Result<PathBuf, 
     let argument = path.to_string_lossy();
     let start_folders = [working_directory()];
     let name = argument.strip_suffix(".ron").unwrap_or(&argument);
-    let found = directories
-        .iter()
-        .find_map(|&directory| find(name, directory, &start_folders).ok());
+    let may_be_builtin = name == argument;
+    let found = directories.iter().find_map(|&directory| {
+        let found = find(name, directory, &start_folders).ok();
+        found.filter(|path| may_be_builtin || !is_builtin(path))
+    });
     found.ok_or_else(|| not_found(&argument, directories, &start_folders))
 }
 

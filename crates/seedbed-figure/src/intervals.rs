@@ -327,7 +327,7 @@ impl IntervalRow {
         self.name.split('\n').map(str::to_owned)
     }
 
-    /// Lines of the name, broken anew if one of them is wider than `width`.
+    /// Lines of the name. If one is wider than `width`, the whole name is wrapped to this width.
     fn lines_within(&self, width: f64) -> Vec<String> {
         let is_too_wide = |line: String| text_width(&line, LABEL_SIZE, Weight::Regular) > width;
         if self.lines().any(is_too_wide) {

@@ -101,54 +101,54 @@ impl Key {
 
     /// The bar of a key that is one.
     fn bar(&self) -> Option<Bar<'_>> {
-        let bar = match self {
+        let density: fn(Theme, f64) -> Color = Theme::density_color;
+        let (label, color_of, ticks) = match self {
             Self::Categories(_) => return None,
             Self::Continuous { label, range } => {
                 let scale = Scale::new(*range, [0.0, 1.0]);
-                let ticks = scale.ticks(4).into_iter();
-                Bar {
+                let color_of: fn(Theme, f64) -> Color =
+                    |theme, share| theme.color(color::sequential_color(share));
+                (
                     label,
-                    color_of: |theme, share| theme.color(color::sequential_color(share)),
-                    ticks: ticks
-                        .map(|(value, text)| (scale.position(value), text))
-                        .collect(),
-                }
+                    color_of,
+                    placed(scale.ticks(4), |value| scale.position(value)),
+                )
             }
             Self::Shares {
                 label,
                 max_count,
                 total,
             } => {
-                let ticks = share_ticks(*max_count, *total).into_iter();
-                let share = |count| log_position(count, *max_count);
-                Bar {
-                    label,
-                    color_of: Theme::density_color,
-                    ticks: ticks.map(|(count, text)| (share(count), text)).collect(),
-                }
+                let ticks = share_ticks(*max_count, *total);
+                let place = |count| log_position(count, *max_count);
+                (label, density, placed(ticks, place))
             }
             Self::Counts { label, max_count } => {
-                let ticks = count_ticks(*max_count).into_iter();
-                let share = |count| log_position(f64::from(count), *max_count);
-                Bar {
-                    label,
-                    color_of: Theme::density_color,
-                    ticks: ticks.map(|(count, text)| (share(count), text)).collect(),
-                }
+                let place = |count: u32| log_position(count.into(), *max_count);
+                (label, density, placed(count_ticks(*max_count), place))
             }
             Self::Differences { label, max } => {
-                let ticks = difference_ticks(*max).into_iter();
-                Bar {
-                    label,
-                    color_of: |theme, share| theme.difference_color(2.0 * share - 1.0),
-                    ticks: ticks
-                        .map(|(root, text)| (f64::midpoint(root, 1.0), text))
-                        .collect(),
-                }
+                let color_of: fn(Theme, f64) -> Color =
+                    |theme, share| theme.difference_color(2.0 * share - 1.0);
+                let place = |root| f64::midpoint(root, 1.0);
+                (label, color_of, placed(difference_ticks(*max), place))
             }
         };
-        Some(bar)
+        Some(Bar {
+            label,
+            color_of,
+            ticks,
+        })
     }
+}
+
+/// Ticks with their places as shares of a bar.
+fn placed<T>(
+    ticks: impl IntoIterator<Item = (T, String)>,
+    place: impl Fn(T) -> f64,
+) -> Vec<(f64, String)> {
+    let ticks = ticks.into_iter();
+    ticks.map(|(value, text)| (place(value), text)).collect()
 }
 
 /// Names with their colors, as entries of a legend.

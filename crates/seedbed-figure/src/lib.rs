@@ -74,6 +74,7 @@ pub use font::font_faces;
 pub use intervals::{IntervalRow, Intervals};
 pub use key::Key;
 pub use number_grid::{GridNumber, NumberGrid};
+pub use page::MAX_SHARE_OF_KEY;
 pub use pair::{Cells, HeatMap, Scatter, ScatterPoint};
 pub use parallel::{DensityImage, DifferenceImage, ParallelCoordinates, StateLine, States};
 pub use picture::Picture;
@@ -105,9 +106,7 @@ impl Axis {
         let [low, high] = self.range;
         low + fraction * (high - low)
     }
-}
 
-impl Axis {
     /// Name and unit, such as `angle [rad]`.
     fn label(&self) -> String {
         if self.unit.is_empty() {

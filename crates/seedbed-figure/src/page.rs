@@ -13,8 +13,8 @@ const HEADING_SIZE: f64 = 15.0;
 const MARGIN: f64 = 8.0;
 const GAP: f64 = 10.0;
 
-/// Share of the width of a page that a key may take beside several maps.
-const MAX_SHARE_OF_KEY: f64 = 0.2;
+/// Share of the width of a page that a key may take beside several maps. A wider one is below them.
+pub const MAX_SHARE_OF_KEY: f64 = 0.2;
 
 /// What surrounds the plot of a map: labels on the left, title and labels below.
 const WIDTH_OF_LABELS: f64 = 60.0;

@@ -88,10 +88,9 @@ impl InputError {
                 [name.new, name.former].map(|name| format!("unexpected field `{name}`"));
             if self.message.starts_with(&new) {
                 self.message = self.message.replacen(&new, &former, 1);
-                let folder = self.field.strip_suffix(name.new);
-                self.field = folder.map_or(self.field.clone(), |folder| {
-                    format!("{folder}{}", name.former)
-                });
+                if let Some(before) = self.field.strip_suffix(name.new) {
+                    self.field = format!("{before}{}", name.former);
+                }
             }
         }
         self

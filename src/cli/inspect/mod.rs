@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::plot::{parse_agents, parse_episodes};
+use super::plot::{agents_in, parse_agents, parse_episodes};
 use super::progress::ReadCounter;
 use super::{CliError, open_run};
 use seedbed::review::recording_stats::RecordingStats;
@@ -65,7 +65,7 @@ struct Inspected {
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     let mut run = open_run(&args.run)?;
     let selection = EpisodeSelection {
-        agents: args.agents.iter().cloned().flatten().collect(),
+        agents: agents_in(&args.agents),
         episodes: args.episodes.clone().unwrap_or(0..u32::MAX),
     };
     let counter = ReadCounter::new("episodes read");

@@ -6,6 +6,9 @@ const MAX_PLOTS = 16;
 const SCATTER_MARGIN = { top: 10, right: 14, bottom: 36, left: 50 };
 /** Distance between plots, and height of their titles. */
 const PLOT_GAP = 8;
+
+/** Width of a digit of a tick, in pixels. */
+const LETTER_WIDTH = 6;
 const TITLE_HEIGHT = 16;
 /** Maximum size of a cell of the grid of two axes, in bins. */
 const MAX_CELL = 12;
@@ -134,7 +137,7 @@ class Scatter {
     plots.forEach((plot, index) => {
       const [column, row] = [index % columns, Math.floor(index / columns)];
       const cell = { left: left + column * (cellWidth + PLOT_GAP), top: top + row * (cellHeight + titleHeight) + titleHeight, width: cellWidth, height: cellHeight };
-      Object.assign(plot, this.toScale(cell), { isFirst: column === 0, isLast: index + columns >= plots.length });
+      Object.assign(plot, this.toScale(cell), { isLeft: column === 0, isRight: column === columns - 1, isBottom: index + columns >= plots.length });
     });
   }
 
@@ -179,16 +182,18 @@ class Scatter {
   }
 
   /** Ticks of the plots at the left and at the bottom. */
-  drawTicks(pen, theme, { left, top, width, height, isFirst, isLast }, x, y) {
+  drawTicks(pen, theme, { left, top, width, height, isLeft, isRight, isBottom }, x, y) {
     const share = (axis, value) => (value - axis.low) / (axis.high - axis.low);
     const isSmall = (length) => length < 150;
-    /* Numbers at the ends of small plots would touch those of the next one. `size`: of a number, in pixels. */
-    const hasRoom = (axis, value, length, size) => !(isSmall(length) || this.plots.length > 1) || (0.5 - Math.abs(share(axis, value) - 0.5)) * length + PLOT_GAP / 2 > size / 2 + 3;
-    const values = (axis, length, size) => ticks(axis, isSmall(length) ? 2 : 4).filter((value) => hasRoom(axis, value, length, size(value)));
-    for (const value of isLast ? values(x, width, (value) => 6 * formatNumber(value).length) : []) {
+    const values = (axis, length) => ticks(axis, isSmall(length) ? 2 : 4);
+    /* A number at the right end of a plot would touch the one at the left end of the next plot. */
+    const touchesNext = (value) => !isRight && (1 - share(x, value)) * width + PLOT_GAP < LETTER_WIDTH * (formatNumber(value).length / 2 + 2);
+    for (const value of isBottom ? values(x, width).filter((value) => !touchesNext(value)) : []) {
       pen.text(formatNumber(value), left + share(x, value) * width, top + height + 13, theme.tick, 10, "center", 60);
     }
-    for (const value of isFirst ? values(y, height, () => 10) : []) {
+    /* So would numbers at the ends of small plots one above the other. */
+    const isNearEnd = (value) => isSmall(height) && Math.abs(share(y, value) - 0.5) >= 0.45;
+    for (const value of isLeft ? values(y, height).filter((value) => !isNearEnd(value)) : []) {
       pen.text(formatNumber(value), left - 4, top + (1 - share(y, value)) * height + 3, theme.tick, 10, "right", 30);
     }
   }

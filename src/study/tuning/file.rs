@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::experiment::measure::Measure;
+use crate::experiment::measure::{self, Measure};
 use crate::input_files;
 use crate::scenario::synonyms;
 use crate::study::design::file::FIRST_REPORTING_SEED;
@@ -121,7 +121,9 @@ impl Tuning {
     /// # Errors
     /// The file is no tuning file.
     pub fn read(path: &Path) -> Result<Document<Self>, InputError> {
-        input_files::read(path).map_err(synonyms::explain_in_study)
+        input_files::read(path)
+            .map_err(synonyms::explain_in_study)
+            .map_err(measure::explain_curve)
     }
 
     /// Number of run seeds from the first one to the end of those for tuning.

@@ -228,3 +228,24 @@ fn errors_in_built_in_files_name_them() {
         Some("error: builtin:scenarios/nothing.ron: no such file")
     );
 }
+
+/// A study is found by its name, with and without `.ron`. A file name that is not here is never taken for a built-in file.
+#[test]
+fn studies_are_found_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    successful_in(folder.path(), &["init", "lab"]);
+    let lab = folder.path().join("lab");
+    let by_path = successful_in(&lab, &["study", "list", "scenarios/team_size.ron"]);
+    for name in ["team_size", "team_size.ron"] {
+        assert_eq!(successful_in(&lab, &["study", "list", name]), by_path);
+    }
+    for arguments in [["run", "cartpole.ron"], ["check", "cartpole.ron"]] {
+        let output = seedbed_in(&lab, &arguments);
+        assert_eq!(output.status.code(), Some(2));
+        let error = stderr(&output);
+        assert!(
+            error.starts_with("error: cartpole.ron: no such file"),
+            "{error}"
+        );
+    }
+}
