@@ -188,12 +188,14 @@ class Scatter {
     const values = (axis, length) => ticks(axis, isSmall(length) ? 2 : 4);
     /* A number at the right end of a plot would touch the one at the left end of the next plot. */
     const touchesNext = (value) => !isRight && (1 - share(x, value)) * width + PLOT_GAP < LETTER_WIDTH * (formatNumber(value).length / 2 + 2);
-    for (const value of isBottom ? values(x, width).filter((value) => !touchesNext(value)) : []) {
+    const below = isBottom ? values(x, width).filter((value) => !touchesNext(value)) : [];
+    for (const value of below) {
       pen.text(formatNumber(value), left + share(x, value) * width, top + height + 13, theme.tick, 10, "center", 60);
     }
     /* So would numbers at the ends of small plots one above the other. */
     const isNearEnd = (value) => isSmall(height) && Math.abs(share(y, value) - 0.5) >= 0.45;
-    for (const value of isLeft ? values(y, height).filter((value) => !isNearEnd(value)) : []) {
+    const beside = isLeft ? values(y, height).filter((value) => !isNearEnd(value)) : [];
+    for (const value of beside) {
       pen.text(formatNumber(value), left - 4, top + (1 - share(y, value)) * height + 3, theme.tick, 10, "right", 30);
     }
   }
