@@ -23,7 +23,6 @@ class RunError(Exception):
 
 
 class InputError(RunError, ValueError):
-    """An argument, a setting or a file is wrong. The message is that of the program, which ends with status 2.
-
-    Options that it names are arguments of the Python function: `--overwrite` is `overwrite=True`.
+    """An argument, a setting or a file is wrong. The message is that of the program, which ends with status 2, with the names
+    of arguments instead of options: `overwrite=True` for `--overwrite`.
     """

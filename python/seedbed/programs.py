@@ -20,6 +20,10 @@ Argument = str | os.PathLike[str]
 INVALID_INPUT = 2
 """Exit status of the program if what it was given is wrong."""
 
+_SWITCHES = re.compile(r"--(resume|overwrite|other-versions)\b")
+_OPTIONS = re.compile(r"--(out|set|seed|agents|episodes|jobs|threads|runs|what)\b")
+"""Options of the program that are arguments of the functions of this package with the same name."""
+
 
 def call(*arguments: Argument) -> str:
     """Run the program and return what it prints.
@@ -92,8 +96,20 @@ def follow(
 def error_of(status: int, messages: str, arguments: Sequence[Argument]) -> RunError:
     """The error of a program that ended with this status after these messages."""
     message = re.split(r"^error: ", messages.strip(), flags=re.MULTILINE)[-1]
-    kind = InputError if status == INVALID_INPUT else RunError
-    return kind(None, message or f"`seedbed {arguments[0]!s}` ended with exit status {status}")
+    if status == INVALID_INPUT and message:
+        return InputError(None, in_python(message))
+    return RunError(None, message or f"`seedbed {arguments[0]!s}` ended with exit status {status}")
+
+
+def in_python(message: str) -> str:
+    """A message of the program about its options, which names the arguments of Python instead.
+
+    Example:
+        >>> in_python("it contains a run; choose another --out directory, or --overwrite to replace it")
+        'it contains a run; choose another out directory, or overwrite=True to replace it'
+    """
+    message = _SWITCHES.sub(lambda switch: f"{switch[1].replace('-', '_')}=True", message)
+    return _OPTIONS.sub(r"\1", message)
 
 
 def _line(arguments: Sequence[Argument]) -> list[str]:

@@ -157,12 +157,11 @@ impl<'a> StateGroup<'a> {
     pub(super) fn pixels(&self) -> Vec<u32> {
         let mut sum: Vec<u32> = Vec::new();
         for states in &self.agents {
-            let mut density = states.density.clone();
-            let pixels = density.draw_all();
+            let pixels = states.density.pixels();
             sum.resize(pixels.len(), 0);
             sum.iter_mut()
                 .zip(pixels)
-                .for_each(|(sum, lines)| *sum = sum.saturating_add(*lines));
+                .for_each(|(sum, lines)| *sum = sum.saturating_add(lines));
         }
         sum
     }

@@ -112,13 +112,18 @@ impl ImageWriter {
         rounds: RangeInclusive<u32>,
         moment: Moment,
     ) {
+        let are_all_latest = *rounds.start() == 0;
         let rounds = format!("rounds {} to {}", rounds.start(), rounds.end());
-        let latest_densities: Vec<Vec<u32>> =
-            visits.iter().map(AgentVisits::latest_density).collect();
-        let latest_densities: Vec<&[u32]> = latest_densities.iter().map(Vec::as_slice).collect();
-        self.latest
-            .push_densities(&latest_densities, Some(&rounds), moment);
-        let densities: Vec<&[u32]> = visits.iter().map(|agent| agent.density.pixels()).collect();
+        let note = Some(&*rounds);
+        if !are_all_latest {
+            let latest = visits.iter().map(AgentVisits::latest_density);
+            self.latest
+                .push_densities(&latest.collect::<Vec<_>>(), note, moment);
+        }
+        let densities: Vec<Vec<u32>> = visits.iter().map(|agent| agent.density.pixels()).collect();
+        if are_all_latest {
+            self.latest.push_densities(&densities, note, moment);
+        }
         self.density.push_densities(&densities, None, moment);
         self.push_difference(&densities, axes.width(), moment);
         if let Some(group) = &mut self.bonus {
@@ -130,7 +135,7 @@ impl ImageWriter {
         }
     }
 
-    fn push_difference(&mut self, densities: &[&[u32]], width: usize, moment: Moment) {
+    fn push_difference(&mut self, densities: &[Vec<u32>], width: usize, moment: Moment) {
         let agents = match &self.compared_agents {
             Difference::Off => None,
             Difference::Between(one, other) => Some((**one as usize, **other as usize)),
@@ -138,8 +143,8 @@ impl ImageWriter {
         };
         let Some((one, other)) = agents else { return };
         let (differences, max) = share_difference(
-            (densities[one], line_count(densities[one], width)),
-            (densities[other], line_count(densities[other], width)),
+            (&densities[one], line_count(&densities[one], width)),
+            (&densities[other], line_count(&densities[other], width)),
         );
         self.difference
             .push(difference_pixels(&differences), moment);
@@ -230,7 +235,7 @@ impl ImageGroup {
 
     /// Adds images of the number of lines per pixel. The labels of both scales are the number of
     /// lines on the brightest pixel, and `note`.
-    fn push_densities(&mut self, agents: &[&[u32]], note: Option<&str>, moment: Moment) {
+    fn push_densities(&mut self, agents: &[Vec<u32>], note: Option<&str>, moment: Moment) {
         let max = agents
             .iter()
             .flat_map(|pixels| pixels.iter())
@@ -277,10 +282,10 @@ impl ImageGroup {
     }
 }
 
-fn sum_of_densities(densities: &[&[u32]]) -> Vec<u32> {
-    let mut sum = vec![0_u32; densities.first().map_or(0, |pixels| pixels.len())];
+fn sum_of_densities(densities: &[Vec<u32>]) -> Vec<u32> {
+    let mut sum = vec![0_u32; densities.first().map_or(0, Vec::len)];
     for pixels in densities {
-        for (sum, lines) in sum.iter_mut().zip(*pixels) {
+        for (sum, lines) in sum.iter_mut().zip(pixels) {
             *sum = sum.saturating_add(*lines);
         }
     }

@@ -140,7 +140,7 @@ impl RawTable {
         Self {
             entity: format!("raw/agent_{agent}").into(),
             columns: Arc::clone(columns),
-            rows: Rows::of(columns),
+            rows: Rows::of(columns, 0),
             rows_per_chunk,
         }
     }
@@ -207,18 +207,25 @@ impl RawTable {
         if self.rows.moments.len() < min_rows {
             return None;
         }
-        let rows = std::mem::replace(&mut self.rows, Rows::of(&self.columns));
+        // The next chunk has about as many rows.
+        let next = Rows::of(&self.columns, self.rows.moments.len());
+        let rows = std::mem::replace(&mut self.rows, next);
         Some(rows.into_chunk(&self.entity, &self.columns))
     }
 }
 
 impl Rows {
-    fn of(columns: &RawColumns) -> Self {
-        let observations = vec![Vec::new(); columns.observations.len()];
+    /// No rows, with room for this number of rows.
+    fn of(columns: &RawColumns, rows: usize) -> Self {
+        let empty = |count| (0..count).map(|_| Vec::with_capacity(rows)).collect();
         Self {
-            observations,
-            actions: vec![Vec::new(); columns.actions.len()],
-            info: vec![Vec::new(); columns.info.len()],
+            moments: Moments::with_capacity(rows),
+            observations: empty(columns.observations.len()),
+            actions: empty(columns.actions.len()),
+            info: empty(columns.info.len()),
+            rewards: Vec::with_capacity(rows),
+            log_probs: Vec::with_capacity(rows),
+            is_last: Vec::with_capacity(rows),
             ..Self::default()
         }
     }

@@ -40,6 +40,14 @@ pub(super) struct Moments {
 }
 
 impl Moments {
+    pub(super) fn with_capacity(rows: usize) -> Self {
+        Self {
+            env_steps: Vec::with_capacity(rows),
+            episodes: Vec::with_capacity(rows),
+            rounds: Vec::with_capacity(rows),
+        }
+    }
+
     pub(super) fn push(&mut self, moment: Moment) {
         self.env_steps.push(moment.env_step);
         self.episodes.push(moment.episode);

@@ -80,7 +80,7 @@ impl AgentVisits {
     /// Number of lines of the latest rounds over each pixel: `[height × width]`.
     #[must_use]
     pub fn latest_density(&self) -> Vec<u32> {
-        self.density.draw_rounds(self.recent.values())
+        self.density.pixels_of_rounds(self.recent.values())
     }
 
     /// The bonuses of the latest rounds; `None` for agents without a bonus.

@@ -2,13 +2,13 @@
 //!
 //! Drawing each state as a separate line would require a pass over the image per state. Instead,
 //! states are counted in one 64 × 64 histogram per pair of neighboring axes: all states in one cell
-//! have the same line between these axes, so that it is drawn once with the cell's count. A round
-//! draws only the cells that its own states touched.
+//! have the same line between these axes, so that it is drawn once with the cell's count. Nothing is
+//! drawn before an image is asked for, because most rounds have none.
 
 use serde::{Deserialize, Serialize};
 
 use super::axes::{AXIS_HEIGHT, Axes};
-use super::{BINS, DensityDelta};
+use super::{BINS, DensityDelta, cell_counts};
 
 /// Maximum number of cells of a histogram whose memory is freed after each round, because the
 /// histograms of thousands of agents would fill the memory. To allocate larger ones in each round
@@ -18,58 +18,23 @@ const MAX_FREED_CELLS: usize = 1 << 16;
 /// Brightness of a pixel with a single line, so that it differs visibly from black (no line).
 pub const MIN_BRIGHTNESS: u8 = 40;
 
-/// Number of lines over each pixel of parallel coordinates, and counts of states that are not drawn
-/// yet.
+/// Counts of the visited states between each pair of neighboring axes, from which the lines over
+/// each pixel of parallel coordinates are drawn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Density {
     gap: usize,
     pairs: usize,
-    /// Counts of the states that are not drawn yet: `[pairs × bins × bins]`, by the bins on the
-    /// left and the right axis of each pair. May be empty if all counts are zero, as between rounds.
-    #[serde(skip)]
+    /// Counts of the states of rounds that have ended: `[pairs × bins × bins]`, by the bins on the
+    /// left and the right axis of each pair.
+    #[serde(with = "cell_counts")]
     counts: Vec<u32>,
-    /// The cells of `counts` that are not zero.
+    /// Counts of the states of the current round, in the same order. May be empty if all counts are
+    /// zero, as between rounds.
     #[serde(skip)]
-    nonzero_cells: Vec<u32>,
-    /// Number of lines over each pixel, without the states in `counts`: `[height × width]`.
-    #[serde(with = "sparse")]
-    pixels: Vec<u32>,
-}
-
-/// The format of pixels in checkpoints: their number, and those that are not zero.
-mod sparse {
-    use serde::de::Error;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    use super::DensityDelta;
-
-    /// More pixels than any image has: a damaged file must not make the process allocate all memory.
-    const MAX_PIXELS: u32 = 1 << 28;
-
-    pub(super) fn serialize<S: Serializer>(
-        pixels: &[u32],
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
-        let nonzero = (0..).zip(pixels).filter(|(_, lines)| **lines > 0);
-        let nonzero = nonzero.map(|(pixel, lines)| (pixel, *lines));
-        (pixels.len() as u32, DensityDelta::of(nonzero)).serialize(serializer)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
-        deserializer: D,
-    ) -> Result<Vec<u32>, D::Error> {
-        let (length, nonzero) = <(u32, DensityDelta)>::deserialize(deserializer)?;
-        if length > MAX_PIXELS {
-            return Err(D::Error::custom("too many pixels"));
-        }
-        let mut pixels = vec![0; length as usize];
-        for (pixel, lines) in nonzero.cells() {
-            *pixels
-                .get_mut(pixel as usize)
-                .ok_or_else(|| D::Error::custom("a pixel outside the image"))? = lines;
-        }
-        Ok(pixels)
-    }
+    round_counts: Vec<u32>,
+    /// The cells of `round_counts` that are not zero.
+    #[serde(skip)]
+    round_cells: Vec<u32>,
 }
 
 impl Density {
@@ -79,9 +44,9 @@ impl Density {
         Self {
             gap: axes.gap(),
             pairs: axes.pair_count(),
-            counts: Vec::new(),
-            nonzero_cells: Vec::new(),
-            pixels: vec![0; axes.width() * AXIS_HEIGHT],
+            counts: vec![0; axes.pair_count() * BINS * BINS],
+            round_counts: Vec::new(),
+            round_cells: Vec::new(),
         }
     }
 
@@ -89,17 +54,17 @@ impl Density {
     #[must_use]
     pub fn was_made_for(&self, axes: &Axes) -> bool {
         (self.gap, self.pairs) == (axes.gap(), axes.pair_count())
-            && self.pixels.len() == axes.width() * AXIS_HEIGHT
+            && self.counts.len() == self.cell_count()
     }
 
     /// Counts one projected state. Between two axes on one of which it is NaN, it has no line.
     pub fn add(&mut self, axis_positions: &[f32]) {
-        self.counts.resize(self.cell_count(), 0);
+        self.round_counts.resize(self.cell_count(), 0);
         let mut bins = axis_positions.iter().map(|position| bin(*position));
         let Some(mut left) = bins.next() else { return };
         for (pair, right) in bins.enumerate() {
             if let (Some(left), Some(right)) = (left, right) {
-                self.count((pair * BINS + left) * BINS + right, 1);
+                self.count((pair * BINS + left) * BINS + right);
             }
             left = right;
         }
@@ -109,24 +74,24 @@ impl Density {
         self.pairs * BINS * BINS
     }
 
-    fn count(&mut self, cell: usize, states: u32) {
-        if self.counts[cell] == 0 {
-            self.nonzero_cells.push(cell as u32);
+    fn count(&mut self, cell: usize) {
+        if self.round_counts[cell] == 0 {
+            self.round_cells.push(cell as u32);
         }
-        self.counts[cell] += states;
+        self.round_counts[cell] += 1;
     }
 
-    /// Draws the states of the current round, and returns the counts of its cells.
+    /// Adds the counts of the current round to those of earlier rounds, and returns them.
     pub fn end_round(&mut self) -> DensityDelta {
-        self.nonzero_cells.sort_unstable();
-        let delta = DensityDelta::of(
-            self.nonzero_cells
-                .iter()
-                .map(|&cell| (cell, self.counts[cell as usize])),
-        );
-        self.draw_all();
-        if self.counts.len() <= MAX_FREED_CELLS {
-            self.counts = Vec::new();
+        self.round_cells.sort_unstable();
+        let counts = &mut self.round_counts;
+        let cells = self.round_cells.drain(..);
+        let round = cells.map(|cell| (cell, std::mem::take(&mut counts[cell as usize])));
+        let delta = DensityDelta::of(round.inspect(|(cell, count)| {
+            self.counts[*cell as usize] += count;
+        }));
+        if self.round_counts.len() <= MAX_FREED_CELLS {
+            self.round_counts = Vec::new();
         }
         delta
     }
@@ -141,45 +106,46 @@ impl Density {
 
     /// Number of lines of the given rounds over each pixel: `[height × width]`.
     #[must_use]
-    pub fn draw_rounds<'a>(&self, rounds: impl Iterator<Item = &'a DensityDelta>) -> Vec<u32> {
-        let (counts, pixels) = (vec![0; self.cell_count()], vec![0; self.pixels.len()]);
-        let mut rounds_only = Self {
-            gap: self.gap,
-            pairs: self.pairs,
-            counts,
-            nonzero_cells: Vec::new(),
-            pixels,
-        };
-        rounds
-            .flat_map(DensityDelta::cells)
-            .for_each(|(cell, states)| rounds_only.count(cell as usize, states));
-        rounds_only.draw_all();
-        rounds_only.pixels
-    }
-
-    /// Draws all counted states, and returns the number of lines over each pixel: `[height ×
-    /// width]`.
-    pub fn draw_all(&mut self) -> &Vec<u32> {
-        for cell in std::mem::take(&mut self.nonzero_cells) {
-            let count = std::mem::take(&mut self.counts[cell as usize]);
-            self.draw(cell as usize, count);
+    pub fn pixels_of_rounds<'a>(&self, rounds: impl Iterator<Item = &'a DensityDelta>) -> Vec<u32> {
+        let mut counts = vec![0; self.cell_count()];
+        for (cell, states) in rounds.flat_map(DensityDelta::cells) {
+            counts[cell as usize] += states;
         }
-        &self.pixels
+        self.draw(&counts)
     }
 
-    /// Number of lines over each pixel, without states that are not drawn yet: `[height × width]`.
+    /// Number of lines of all states over each pixel: `[height × width]`.
     #[must_use]
-    pub fn pixels(&self) -> &[u32] {
-        &self.pixels
+    pub fn pixels(&self) -> Vec<u32> {
+        if self.round_cells.is_empty() {
+            return self.draw(&self.counts);
+        }
+        let rounds = self.counts.iter().zip(&self.round_counts);
+        self.draw(
+            &rounds
+                .map(|(ended, current)| ended + current)
+                .collect::<Vec<_>>(),
+        )
+    }
+
+    fn draw(&self, counts: &[u32]) -> Vec<u32> {
+        let width = self.pairs * self.gap + 1;
+        let mut columns = vec![[0; AXIS_HEIGHT]; width];
+        for (cell, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
+            self.draw_cell(cell, *count, &mut columns);
+        }
+        let rows = 0..AXIS_HEIGHT;
+        rows.flat_map(|row| columns.iter().map(move |column| column[row]))
+            .collect()
     }
 
     /// Draws a cell as a straight line between two axes, with the height of one bin. The columns of
-    /// the last pair include the last axis.
-    fn draw(&mut self, cell: usize, count: u32) {
+    /// the last pair include the last axis. `columns`: `[width][height]`, next to each other in memory
+    /// where a line crosses them
+    fn draw_cell(&self, cell: usize, count: u32, columns: &mut [[u32; AXIS_HEIGHT]]) {
         let (pair, left, right) = (cell / (BINS * BINS), cell / BINS % BINS, cell % BINS);
         let (left_row, right_row) = (row(left), row(right));
-        let width = self.pairs * self.gap + 1;
-        let columns = if pair + 1 == self.pairs {
+        let width = if pair + 1 == self.pairs {
             self.gap + 1
         } else {
             self.gap
@@ -188,9 +154,8 @@ impl Density {
         // per column, and give the same pixels on every machine.
         let y_step = (((right_row as i64) - (left_row as i64)) << 16) / self.gap as i64;
         let mut y = ((left_row as i64) << 16) + (1 << 15);
-        for column in 0..columns {
-            let pixel = (y >> 16) as usize * width + pair * self.gap + column;
-            self.pixels[pixel] += count;
+        for column in columns.iter_mut().skip(pair * self.gap).take(width) {
+            column[(y >> 16) as usize % AXIS_HEIGHT] += count;
             y += y_step;
         }
     }
@@ -254,7 +219,7 @@ mod tests {
         density.add(&[0.0, 0.0]);
         density.add(&[0.0, 0.0]);
         let width = axes.width();
-        let pixels = density.draw_all();
+        let pixels = density.pixels();
         assert!(pixels[..63 * width].iter().all(|&lines| lines == 0));
         assert!(pixels[63 * width..].iter().all(|&lines| lines == 2));
     }
@@ -265,7 +230,7 @@ mod tests {
         let mut density = Density::new(&axes);
         density.add(&[0.0, 1.0]);
         let width = axes.width();
-        let pixels = density.draw_all().clone();
+        let pixels = density.pixels();
         let rows = |column: usize| {
             (0..AXIS_HEIGHT)
                 .filter(|row| pixels[row * width + column] == 1)
@@ -287,7 +252,7 @@ mod tests {
         density.add(&[f32::NAN, 0.0, 0.0]);
         density.add(&[1.0, 1.0, f32::NAN]);
         let width = axes.width();
-        let pixels = density.draw_all();
+        let pixels = density.pixels();
         let lines_in_column =
             |column: usize| -> u32 { pixels.iter().skip(column).step_by(width).sum() };
         assert_eq!([0, 95, 96, 192].map(lines_in_column), [1; 4]);
@@ -295,30 +260,31 @@ mod tests {
     }
 
     #[test]
-    fn the_density_does_not_depend_on_when_states_are_drawn() {
+    fn the_density_does_not_depend_on_when_rounds_end() {
         let axes = axes(3);
         let states = [[0.1, 0.5, 0.9], [0.3, 0.3, 0.2], [0.1, 0.5, 0.9]];
         let (mut often, mut once) = (Density::new(&axes), Density::new(&axes));
         for state in &states {
             often.add(state);
-            often.draw_all();
+            often.end_round();
             once.add(state);
         }
-        assert_eq!(often.draw_all(), once.draw_all());
+        assert_eq!(often.pixels(), once.pixels());
     }
 
-    /// Between rounds, a checkpoint has only the pixels with lines: here 193 pixels of 12,352, with a
-    /// distance and a count each.
+    /// Between rounds, a checkpoint has only the cells with states: here two of 4,096, the second after
+    /// 126 empty ones, in four bytes after the numbers of the axes, of cells and of these bytes.
     #[test]
-    fn checkpoints_store_pixels_with_lines_only() {
+    fn checkpoints_store_cells_with_states_only() {
         let mut density = Density::new(&axes(2));
         density.add(&[0.0, 1.0]);
+        density.add(&[2.0 / 64.0, 62.0 / 64.0]);
         density.end_round();
         let bytes = postcard::to_stdvec(&density).unwrap();
-        assert!(bytes.len() < 3 * 193, "{} bytes", bytes.len());
+        assert_eq!(bytes, [192, 1, 1, 128, 32, 4, 63, 1, 126, 1]);
         assert_eq!(postcard::from_bytes::<Density>(&bytes).unwrap(), density);
-        let pixel_outside = DensityDelta::of([(7, 1)].into_iter());
-        let damaged = postcard::to_stdvec(&(192_usize, 1_usize, 3_u32, pixel_outside)).unwrap();
+        let cell_outside = DensityDelta::of([(7, 1)].into_iter());
+        let damaged = postcard::to_stdvec(&(192_usize, 1_usize, 3_u32, cell_outside)).unwrap();
         assert!(postcard::from_bytes::<Density>(&damaged).is_err());
     }
 
@@ -339,9 +305,9 @@ mod tests {
                 all.end_round()
             })
             .collect();
-        assert_eq!(all.draw_rounds(rounds.iter()), *all.clone().draw_all());
+        assert_eq!(all.pixels_of_rounds(rounds.iter()), all.pixels());
         states[2..].iter().for_each(|state| later.add(state));
-        assert_eq!(all.draw_rounds(rounds[2..].iter()), *later.draw_all());
+        assert_eq!(all.pixels_of_rounds(rounds[2..].iter()), later.pixels());
         assert!(
             all.has_cells_of(&rounds[3])
                 && !all.has_cells_of(&DensityDelta::of([(2 * 64 * 64, 1)].into_iter()))

@@ -51,18 +51,22 @@ const MAX_AGENTS_FOR_ALL_PAIRS: usize = 32;
 ///
 /// `densities`: number of lines over each pixel, `[agents][height × width]`.
 #[must_use]
-pub fn most_different(densities: &[&[u32]], width: usize) -> Option<(usize, usize)> {
+pub fn most_different(densities: &[impl AsRef<[u32]>], width: usize) -> Option<(usize, usize)> {
     if densities.len() < 2 {
         return None;
     }
     if densities.len() > MAX_AGENTS_FOR_ALL_PAIRS {
         let one = farthest(&mean_shares(densities, width), densities, width);
-        let other = farthest(&column_shares(densities[one], width), densities, width);
+        let other = farthest(
+            &column_shares(densities[one].as_ref(), width),
+            densities,
+            width,
+        );
         return Some((one.min(other), one.max(other)));
     }
     let all_shares: Vec<Vec<f32>> = densities
         .iter()
-        .map(|pixels| column_shares(pixels, width))
+        .map(|pixels| column_shares(pixels.as_ref(), width))
         .collect();
     let mut max = ((0, 1), f32::NEG_INFINITY);
     for (one, shares_of_one) in all_shares.iter().enumerate() {
@@ -77,20 +81,20 @@ pub fn most_different(densities: &[&[u32]], width: usize) -> Option<(usize, usiz
 }
 
 /// The agent whose shares differ most from `shares`; the first one in case of a tie.
-fn farthest(shares: &[f32], densities: &[&[u32]], width: usize) -> usize {
+fn farthest(shares: &[f32], densities: &[impl AsRef<[u32]>], width: usize) -> usize {
     let distances = densities
         .iter()
-        .map(|pixels| distance(shares, &column_shares(pixels, width)));
+        .map(|pixels| distance(shares, &column_shares(pixels.as_ref(), width)));
     let farther = |max: (usize, f32), next: (usize, f32)| if next.1 > max.1 { next } else { max };
     let max = distances.enumerate().reduce(farther);
     max.map_or(0, |(agent, _)| agent)
 }
 
 /// The mean of the shares of all agents.
-fn mean_shares(densities: &[&[u32]], width: usize) -> Vec<f32> {
-    let mut sum = column_shares(densities[0], width);
+fn mean_shares(densities: &[impl AsRef<[u32]>], width: usize) -> Vec<f32> {
+    let mut sum = column_shares(densities[0].as_ref(), width);
     for pixels in &densities[1..] {
-        let shares = column_shares(pixels, width);
+        let shares = column_shares(pixels.as_ref(), width);
         sum.iter_mut()
             .zip(shares)
             .for_each(|(sum, share)| *sum += share);

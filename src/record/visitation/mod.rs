@@ -10,6 +10,7 @@
 mod agent_visits;
 mod axes;
 mod bonus_map;
+mod cell_counts;
 mod coloring;
 mod density;
 mod density_delta;

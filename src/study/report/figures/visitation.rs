@@ -126,10 +126,10 @@ impl CellDensity {
         for (shares, counts) in self.unplaced.iter_mut().zip(unplaced) {
             shares.add_weighted(&counts.shares(1), weight);
         }
-        let lines = density.draw_all();
+        let lines = density.pixels();
         self.shares.resize(lines.len(), 0.0);
         for (share, lines) in self.shares.iter_mut().zip(lines) {
-            *share += weight * f64::from(*lines);
+            *share += weight * f64::from(lines);
         }
     }
 
