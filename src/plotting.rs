@@ -1,8 +1,24 @@
 //! Helpers for figures of runs and figures of studies.
 
 use seedbed_env::Quantity;
-use seedbed_figure::Axis;
+use seedbed_figure::color::{AGENT_COLORS, OTHERS_COLOR, agent_color};
+use seedbed_figure::{Axis, Color};
 use seedbed_stats::aggregate::mean;
+
+/// Names and colors of agents in the key of a figure.
+#[must_use]
+pub fn names_of_agents(agents: impl IntoIterator<Item = u32>) -> Vec<(String, Color)> {
+    let mut names = Vec::new();
+    for agent in agents {
+        if agent < AGENT_COLORS {
+            names.push((format!("agent {agent}"), agent_color(agent)));
+        } else {
+            names.push(("other agents".to_owned(), OTHERS_COLOR));
+            break;
+        }
+    }
+    names
+}
 
 /// The axis of a figure of states, of which these shares are below the display range, above it, and NaN.
 #[must_use]

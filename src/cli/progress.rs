@@ -1,7 +1,7 @@
 //! Progress of runs on the terminal.
 
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
@@ -300,8 +300,8 @@ impl Drop for StudyProgress {
     }
 }
 
-/// Progress of equal parts of some work, which several threads may finish: a bar on a terminal, otherwise one line
-/// per tenth.
+/// Progress of equal parts of some work, which several threads may finish: a bar on a terminal, otherwise a line after
+/// the first part if the others take long, and one each minute.
 pub(super) struct PartsProgress {
     bar: Option<ProgressBar>,
     /// What the parts are.
@@ -309,7 +309,15 @@ pub(super) struct PartsProgress {
     parts: usize,
     finished: AtomicUsize,
     started: Instant,
+    /// When the latest line was printed, in seconds after the start.
+    latest_line: AtomicU64,
 }
+
+/// Seconds from one line to the next.
+const SECONDS_PER_LINE: u64 = 60;
+
+/// Shortest time of all parts together that is told after the first, s.
+const MIN_FORECAST: f64 = 10.0;
 
 impl PartsProgress {
     pub(super) fn new(what: &'static str, parts: usize) -> Self {
@@ -320,21 +328,27 @@ impl PartsProgress {
             parts,
             finished: AtomicUsize::new(0),
             started: Instant::now(),
+            latest_line: AtomicU64::new(0),
         }
     }
 
     pub(super) fn part_finished(&self) {
         let finished = self.finished.fetch_add(1, Ordering::Relaxed) + 1;
-        let tenths = |count: usize| 10 * count / self.parts;
         match &self.bar {
             Some(bar) => bar.inc(1),
-            None if tenths(finished) > tenths(finished - 1) && finished < self.parts => {
-                let (what, parts) = (self.what, self.parts);
-                let each = self.started.elapsed().as_secs_f64() / finished as f64;
-                let left = remaining_time(each * (parts - finished) as f64);
-                note!("{finished}/{parts} {what}{left}");
-            }
-            None => {}
+            None => self.print_line_if_due(finished),
+        }
+    }
+
+    fn print_line_if_due(&self, finished: usize) {
+        let (what, parts, elapsed) = (self.what, self.parts, self.started.elapsed());
+        let left = elapsed.as_secs_f64() / finished as f64 * (parts - finished) as f64;
+        let latest_line = self.latest_line.load(Ordering::Relaxed);
+        let since_line = elapsed.as_secs().saturating_sub(latest_line);
+        let is_forecast = finished == 1 && left >= MIN_FORECAST;
+        if finished < parts && (is_forecast || since_line >= SECONDS_PER_LINE) {
+            self.latest_line.store(elapsed.as_secs(), Ordering::Relaxed);
+            note!("{finished}/{parts} {what}{}", remaining_time(left));
         }
     }
 

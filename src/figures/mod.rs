@@ -52,6 +52,7 @@ impl RunFigure {
             ));
         }
         let runs = runs::read(&settings, runs, on_episode)?;
+        notes.extend(runs::note_on_tasks(&settings, &runs));
         Ok(Self {
             settings,
             runs,

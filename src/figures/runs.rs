@@ -72,6 +72,27 @@ pub(super) fn read(
     Ok(runs)
 }
 
+/// A note if returns in different tasks are drawn beside each other.
+pub(super) fn note_on_tasks(settings: &FigureSettings, runs: &[PlottedRun]) -> Option<String> {
+    let has_returns = [Part::Returns, Part::Curves].map(|part| settings.shows(part));
+    if !has_returns.contains(&true) {
+        return None;
+    }
+    let mut names: Vec<String> = runs.iter().filter_map(task_name).collect();
+    names.sort_unstable();
+    names.dedup();
+    (names.len() > 1).then(|| {
+        let names = names.join(", ");
+        format!("the runs are in different tasks ({names}), whose returns do not compare")
+    })
+}
+
+/// Name of the task; `None` if it is not known.
+fn task_name(run: &PlottedRun) -> Option<String> {
+    let plan = Plan::of_run(run.loaded_run.folder.as_ref()?).ok()?;
+    Some(plan.description.spec().name.clone())
+}
+
 /// The outlines of bodies that never move; `None` if the task is not known.
 fn walls(run: &LoadedRun) -> Option<Vec<Vec<[f32; 2]>>> {
     Some(Plan::of_run(run.folder.as_ref()?).ok()?.walls())

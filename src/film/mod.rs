@@ -31,7 +31,7 @@ use crate::run::{Plan, RunError};
 use seedbed_env::{Physics, TaskDescription, TaskSpec};
 use seedbed_figure::color::{TEAM_COLOR, agent_color};
 use seedbed_figure::{
-    Axis, Curves, Figure, Panel, ParallelCoordinates, Pixels, RenderError, Row, Scatter,
+    Axis, Curves, Figure, Key, Panel, ParallelCoordinates, Pixels, RenderError, Row, Scatter,
     ScatterPoint, Series, StateLine, States,
 };
 use seedbed_input::InputError;
@@ -299,7 +299,9 @@ impl Film {
                     Some(_) => vec![training.visited_states(episode)],
                 };
                 let above = motion.into_iter().chain(states).collect();
-                vec![row(230.0, above), row(120.0, vec![curves])]
+                let mut rows = vec![row(230.0, above), row(120.0, vec![curves])];
+                rows.extend(training.key());
+                rows
             }
         };
         Figure {
@@ -335,6 +337,14 @@ impl Training {
     fn last_episode(&self) -> u32 {
         let episodes = self.returns.iter().map(Vec::len).max().unwrap_or(0);
         episodes.max(1) as u32 - 1
+    }
+
+    /// The colors of agents and of the mean; `None` for a single agent.
+    fn key(&self) -> Option<Row> {
+        let agents = self.returns.len() as u32;
+        let mut names = plotting::names_of_agents(0..agents);
+        names.push(("mean of all".to_owned(), TEAM_COLOR));
+        (agents > 1).then(|| Row::of_key(Key::Categories(names), FRAME_WIDTH))
     }
 
     /// Maps of a few agents, beside each other; otherwise one panel of all.

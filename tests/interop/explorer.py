@@ -202,6 +202,19 @@ def check_difference(page: Page) -> None:
     page.show("")
 
 
+def check_address(page: Page) -> None:
+    """The page says which parts of an address it does not understand, and shows the others."""
+    page.show("")
+    page.run("location.hash = arguments[0]", "brush=speed:0:1,theta:-0.1:0.1&agents=x&colour=agent&axes=nothing%20here,theta,x&episodes=3")
+    WebDriverWait(page.browser, 60).until(lambda _: page.find("#ignored").is_displayed())
+    expected = "These parts of the address mean nothing here: colour=agent · brush=speed:0:1 · agents=x · episodes=3 · axes=nothing here"
+    assert page.find("#ignored").text == expected, page.find("#ignored").text
+    assert page.run("return explorer.view.axes.map((a) => explorer.axes[a].name).join()") == "theta,x"
+    page.run("location.hash = arguments[0]", "brush=theta:-0.1:0.1&agents=0")
+    WebDriverWait(page.browser, 60).until(lambda _: not page.find("#ignored").is_displayed())
+    page.show("")
+
+
 def check_pointer(page: Page) -> None:
     """A drag along an axis selects, a drag of the range moves it, a click removes it."""
     page.show("")
@@ -661,6 +674,7 @@ def check_everywhere(page: Page, states: dict[str, np.ndarray], seedbed: str, ru
     check_ranges_of_brushes(page, states, random.Random(1))
     check_written_ranges(page, states)
     check_difference(page)
+    check_address(page)
     check_pointer(page)
     check_keyboard(page)
     check_files(page)

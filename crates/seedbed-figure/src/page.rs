@@ -168,7 +168,7 @@ impl Row {
             && let Some(key) = self.key.take()
         {
             let mut rows = self.split_for(page);
-            rows.push(Self::of_key(key, page - 2.0 * MARGIN));
+            rows.push(Self::of_key(key, page));
             return rows;
         }
         let column_width = width / fitting as f64 - GAP;
@@ -197,10 +197,11 @@ impl Row {
         matches!(self.panels[..], [Panel::Key(_)])
     }
 
-    /// A row with the key of the rows above.
-    fn of_key(key: Key, width: f64) -> Self {
+    /// A row with the key of the rows above, on a page of this width.
+    #[must_use]
+    pub fn of_key(key: Key, page: f64) -> Self {
         Self {
-            height: key.height_below(width),
+            height: key.height_below(page - 2.0 * MARGIN),
             panels: vec![Panel::Key(key)],
             key: None,
         }

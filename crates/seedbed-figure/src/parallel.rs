@@ -62,6 +62,9 @@ const MIN_TICK_DISTANCE: f64 = 8.0;
 const MARK_HEIGHT: f64 = 9.0;
 const MARK_COLOR: Color = [178, 40, 0];
 
+/// Size of values at ends of axes that are close to each other.
+const SMALL_TICK_SIZE: f64 = 9.0;
+
 /// Height of the line of text with the shares of NaN.
 const NAN_HEIGHT: f64 = 12.0;
 
@@ -155,13 +158,14 @@ impl ParallelCoordinates {
         }
     }
 
-    /// Draws the values at both ends of an axis, unless they would overlap those of the next axis.
+    /// Draws the values at both ends of an axis, in a smaller font or not at all where they would touch those of the next axis.
     fn draw_range(&self, axis: &Axis, x: f64, area: &Rect, svg: &mut SvgWriter) {
         let [low, high] = axis.range.map(|end| format_number(f64::from(end)));
-        let style = TextStyle::new(TICK_SIZE, Anchor::Middle).color(MUTED_COLOR);
         let gap = area.width / (self.axes.len() - 1).max(1) as f64;
         for (text, y) in [(high, area.y - 5.0), (low, area.bottom() + 14.0)] {
-            if text_width(&text, TICK_SIZE, Weight::Regular) <= gap {
+            let fits = |size: &f64| text_width(&text, *size, Weight::Regular) + 3.0 <= gap;
+            if let Some(size) = [TICK_SIZE, SMALL_TICK_SIZE].into_iter().find(fits) {
+                let style = TextStyle::new(size, Anchor::Middle).color(MUTED_COLOR);
                 svg.text([x, y], &text, style);
             }
         }

@@ -17,7 +17,7 @@ class App {
     const last = Math.max(...numbers.map((episodes) => episodes.reduce((one, other) => Math.max(one, other))), 0);
     const returns = this.axes.find((axis) => axis.kind === "return");
     this.view = { first: Number.isFinite(first) ? first : 0, last, returns: [returns.low, returns.high] };
-    fromHash(this, this.isEmbedded ? "" : location.hash.slice(1));
+    this.openAddress();
     this.isDark = !this.isEmbedded && matchMedia("(prefers-color-scheme: dark)").matches;
     this.panels = runs.map((run) => new Panel(run, this));
     byId("runs").replaceChildren(...this.panels.map((panel) => panel.element));
@@ -57,8 +57,16 @@ class App {
     this.redraw();
   }
 
+  /** The view of the address. Says which parts of it are not understood. */
+  openAddress() {
+    const ignored = fromHash(this, this.isEmbedded ? "" : location.hash.slice(1));
+    byId("ignored").hidden = !ignored.length;
+    byId("ignored").textContent = `These parts of the address mean nothing here: ${ignored.join(" · ")}`;
+  }
+
   reset() {
     fromHash(this, "");
+    byId("ignored").hidden = true;
     this.ranges.opened.clear();
     this.redraw();
   }
@@ -117,7 +125,7 @@ class App {
     byId("save-svg").onclick = () => download(new Blob([toSvg(this)], { type: "image/svg+xml" }), "states.svg");
     addEventListener("hashchange", () => {
       if (this.isEmbedded) return;
-      fromHash(this, location.hash.slice(1));
+      this.openAddress();
       this.redraw();
     });
   }

@@ -203,7 +203,7 @@ class Panel {
       if (count === 0) return;
       const max = maxima[Math.floor(pixel / size)];
       if (isDifference) {
-        const share = Math.sign(count) * Math.sqrt(Math.abs(count) / max);
+        const share = Math.sign(count) * Math.sqrt(Math.min(Math.abs(count) / max, 1));
         setPixel(rgba, offset, theme.differenceTable[Math.round(127.5 * (share + 1))], 0.4 + 0.6 * Math.abs(share));
       } else if (colors) {
         const color = [colors[0][pixel] / count, colors[1][pixel] / count, colors[2][pixel] / count];

@@ -62,6 +62,12 @@ function largest(values) {
   return max;
 }
 
+/** The number that a given share of all numbers but zeros does not exceed, without signs; 0 without such numbers. */
+function quantile(lists, share) {
+  const sizes = Float32Array.from(lists.flatMap((values) => [...values].filter(Boolean).map(Math.abs))).sort();
+  return sizes.length ? sizes[Math.floor(share * (sizes.length - 1))] : 0;
+}
+
 /** 0 for 0, above 0 for 1, 1 for `max`, on a logarithmic scale. */
 function logShare(count, max) {
   return count <= 0 ? 0 : 0.15 + (0.85 * Math.log1p(count)) / Math.log1p(max);

@@ -10,6 +10,8 @@ const PLOT_GAP = 8;
 /** Width of a digit of a tick, in pixels. */
 const LETTER_WIDTH = 6;
 const TITLE_HEIGHT = 16;
+/** Share of cells with a difference that are not beyond the end of the scale of colors. */
+const SHARE_OF_DIFFERENCES = 0.95;
 /** Maximum size of a cell of the grid of two axes, in bins. */
 const MAX_CELL = 12;
 
@@ -57,13 +59,16 @@ class Scatter {
     const pairs = this.selectedPairs(agents);
     const max = Math.max(...pairs.map(({ weights }) => largest(weights)), 0);
     const isDifference = panel.app.view.color === "difference";
-    const scale = [isDifference ? `differences up to ${formatShare(max)} of the states per cell, √ scale` : `max ${formatCount(max)} per cell`];
+    /* A few cells where agents begin or stay differ far more than all others, which would be pale. */
+    const end = isDifference ? quantile(pairs.map(({ weights }) => weights), SHARE_OF_DIFFERENCES) : max;
+    const differences = `colors up to ±${formatShare(end)} of the states per cell, √ scale; largest ±${formatShare(max)}`;
+    const scale = [isDifference ? differences : `max ${formatCount(max)} per cell`];
     const first = agents.length === MAX_PLOTS && panel.run.agents > MAX_PLOTS ? [`first ${MAX_PLOTS} shown agents`] : [];
     this.output.textContent = [...scale, ...first].join(", ");
     const grayMax = Math.max(...this.context.map(largest), 0);
     this.plots = agents.map((agent, index) => {
       const image = (this.images[index] ??= document.createElement("canvas"));
-      const shade = panel.shader(pairs[index].weights, pairs[index].channels, [max], BINS * BINS, panel.app.theme);
+      const shade = panel.shader(pairs[index].weights, pairs[index].channels, [end], BINS * BINS, panel.app.theme);
       const gray = (pair, rgba, offset) => setPixel(rgba, offset, panel.app.theme.muted, 0.35 * logShare(this.context[index][pair], grayMax));
       paintPairs(image, [[this.context[index], gray], [pairs[index].weights, shade]], panel.app.view.scatter.map((a) => this.cellSize(a)));
       return { agent, image, count: pairs[index].count };

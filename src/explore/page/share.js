@@ -160,16 +160,16 @@ function rangeTexts(axis, brush) {
 
 /** Whether two encoded names are equal. */
 function sameName(one, other) {
-  try {
-    return decodeURIComponent(one) === decodeURIComponent(other);
-  } catch {
-    return false;
-  }
+  return decoded(one) === decoded(other);
 }
 
-/** Changes the view to that of a hash. What cannot be read is ignored. */
+/** What a hash may say. */
+const HASH_KEYS = ["brush", "agents", "episodes", "color", "compared", "scatter", "per", "axes"];
+
+/** Changes the view to that of a hash. Returns the parts that it does not understand, which change nothing. */
 function fromHash(app, hash) {
   const { view, axes } = app;
+  const ignored = hash.split("&").filter((part) => part && !HASH_KEYS.includes(part.split("=")[0]));
   const parameters = new URLSearchParams(hash.replace(/\+/g, "%2B"));
   const raw = new Map(hash.split("&").map((part) => [part.split("=")[0], part.slice(part.indexOf("=") + 1)]));
   const axisNamed = (text) => axes.findIndex((_, a) => sameName(text, addressName(axes, a)));
@@ -177,23 +177,41 @@ function fromHash(app, hash) {
   for (const part of (raw.get("brush") ?? "").split(",").filter(Boolean)) {
     const [name, low, high] = part.split(":");
     const a = axisNamed(name);
-    if (a < 0 || high === undefined) continue;
-    const brush = brushOf(axes[a], low === "" ? -Infinity : Number(low), high === "" ? Infinity : Number(high));
+    const isRange = a >= 0 && high !== undefined;
+    const brush = isRange && brushOf(axes[a], low === "" ? -Infinity : Number(low), high === "" ? Infinity : Number(high));
     if (brush && brush.every(Number.isFinite)) view.brushes[a] = withoutFull(brush);
+    else ignored.push(`brush=${part}`);
   }
   const agents = parameters.get("agents");
   view.agents = agents === null ? null : parseList(agents, app.agentCount);
+  if (agents && !view.agents?.size) ignored.push(`agents=${agents}`);
   const episodes = /^(\d+)-(\d+)$/.exec(parameters.get("episodes") ?? "");
   [view.from, view.to] = episodes ? [Number(episodes[1]), Number(episodes[2])] : [view.first, view.last];
+  if (parameters.has("episodes") && !episodes) ignored.push(`episodes=${parameters.get("episodes")}`);
   const color = parameters.get("color");
   view.color = app.colors().includes(color) ? color : "density";
+  if (color && view.color !== color) ignored.push(`color=${color}`);
   view.compared = Math.min(Number(parameters.get("compared")) || 0, app.agentCount - 1);
-  const axesOf = (key) => (raw.get(key) ?? "").split(",").filter(Boolean).map(axisNamed).filter((a) => a >= 0);
+  const axesOf = (key) => {
+    const names = (raw.get(key) ?? "").split(",").filter(Boolean);
+    ignored.push(...names.filter((name) => axisNamed(name) < 0).map((name) => `${key}=${name}`));
+    return names.map(axisNamed).filter((a) => a >= 0);
+  };
   const scatter = axesOf("scatter");
   view.scatter = scatter.length === 2 ? scatter : app.firstPair();
   view.isPerAgent = parameters.get("per") === "agent";
   const shown = axesOf("axes");
   view.axes = shown.length > 1 ? shown : app.shownAxes();
+  return ignored.map((part) => decoded(part));
+}
+
+/** An encoded text; as it is if it cannot be decoded. */
+function decoded(text) {
+  try {
+    return decodeURIComponent(text);
+  } catch {
+    return text;
+  }
 }
 
 /** A word of a shell; with control characters, one of bash and zsh. */

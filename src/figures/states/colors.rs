@@ -1,12 +1,11 @@
 //! Colors of states, and their keys.
 
 use crate::figures::settings::FigureSettings;
+use crate::plotting;
 use crate::review::selection::{SelectedState, SelectedStates};
 use crate::scenario::recording::ColorBy;
 use seedbed_env::Status;
-use seedbed_figure::color::{
-    AGENT_COLORS, OTHERS_COLOR, agent_color, categorical_color, sequential_color,
-};
+use seedbed_figure::color::{OTHERS_COLOR, agent_color, categorical_color, sequential_color};
 use seedbed_figure::{Color, Key};
 
 /// Colors of states, with their color key.
@@ -115,16 +114,7 @@ fn agent_key(groups: &[&[&SelectedStates]]) -> Option<Key> {
         .collect();
     agents.sort_unstable();
     agents.dedup();
-    let (colored, others): (Vec<u32>, Vec<u32>) =
-        agents.into_iter().partition(|&agent| agent < AGENT_COLORS);
-    let mut names: Vec<(String, Color)> = colored
-        .into_iter()
-        .map(|agent| (format!("agent {agent}"), agent_color(agent)))
-        .collect();
-    if !others.is_empty() {
-        names.push(("other agents".to_owned(), OTHERS_COLOR));
-    }
-    has_several_agents.then_some(Key::Categories(names))
+    has_several_agents.then(|| Key::Categories(plotting::names_of_agents(agents)))
 }
 
 /// The color of an outcome on a white page.
