@@ -205,9 +205,9 @@ def check_difference(page: Page) -> None:
 def check_address(page: Page) -> None:
     """The page says which parts of an address it does not understand, and shows the others."""
     page.show("")
-    page.run("location.hash = arguments[0]", "brush=speed:0:1,theta:-0.1:0.1&agents=x&colour=agent&axes=nothing%20here,theta,x&episodes=3")
+    page.run("location.hash = arguments[0]", "brush=speed:0:1,theta:-0.1:0.1&agents=x&colors=agent&axes=nothing%20here,theta,x&episodes=3")
     WebDriverWait(page.browser, 60).until(lambda _: page.find("#ignored").is_displayed())
-    expected = "These parts of the address mean nothing here: colour=agent · brush=speed:0:1 · agents=x · episodes=3 · axes=nothing here"
+    expected = "These parts of the address mean nothing here: colors=agent · brush=speed:0:1 · agents=x · episodes=3 · axes=nothing here"
     assert page.find("#ignored").text == expected, page.find("#ignored").text
     assert page.run("return explorer.view.axes.map((a) => explorer.axes[a].name).join()") == "theta,x"
     page.run("location.hash = arguments[0]", "brush=theta:-0.1:0.1&agents=0")

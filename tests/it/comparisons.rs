@@ -46,8 +46,7 @@ fn narrow_and_wide(folder: &Path) -> [String; 2] {
 
 /// Shares of states per bin of the first axis, from the lowest.
 fn shares_of_first_axis(states: &SelectedStates) -> Vec<f64> {
-    let mut density = states.density.clone();
-    let pixels = density.draw_all();
+    let pixels = states.density.pixels();
     let width = pixels.len() / AXIS_HEIGHT;
     let share = |row: usize| f64::from(pixels[row * width]) / states.count as f64;
     (0..AXIS_HEIGHT).rev().map(share).collect()
@@ -97,8 +96,7 @@ fn densities_of_runs_are_on_common_axes() {
             "bin {bin}: {share}"
         );
     }
-    let [of_narrow, of_wide] =
-        [&narrow, &wide].map(|states| states.density.clone().draw_all().clone());
+    let [of_narrow, of_wide] = [&narrow, &wide].map(|states| states.density.pixels());
     let (_, largest) = share_difference((&of_narrow, narrow.count), (&of_wide, wide.count));
     assert!(
         (f64::from(largest) - 9.0 / 64.0).abs() <= 2.0 * tolerance,

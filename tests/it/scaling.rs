@@ -121,17 +121,27 @@ fn tables_say_what_larger_teams_gain() {
 fn published_runs_are_repeated() {
     let folder = tempfile::tempdir().unwrap();
     run_and_publish(folder.path());
-    let verify = |amount: &str| {
-        let arguments = ["study", "verify", "sizes.ron", amount];
+    let verify_with = |options: &[&str]| {
+        let arguments = [&["study", "verify", "sizes.ron"], options].concat();
         command(&arguments)
             .current_dir(folder.path())
             .output()
             .unwrap()
     };
+    let verify = |amount: &str| verify_with(&[amount]);
     let output = verify("--runs=10%");
     let expected =
         "verified   sizes: 18 of 18 repeated runs are bit-identical (180 runs published)";
     assert!(stdout(&output).contains(expected), "{output:?}");
+
+    // Two of any cells; the same number draws the same.
+    let of_any_cell = || stdout(&verify_with(&["--runs=2", "--any-cell", "--draw=7"]));
+    let expected = "verified   sizes: 2 of 2 repeated runs are bit-identical (180 runs published)";
+    assert!(of_any_cell().contains(expected), "{}", of_any_cell());
+    assert!(
+        of_any_cell()
+            .starts_with("draw       7: 2 of 180 runs; to repeat these: --draw=7 --any-cell\n")
+    );
 
     let table = folder.path().join("results/sizes/results.csv.gz");
     let mut text = String::new();

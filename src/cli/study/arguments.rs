@@ -65,7 +65,7 @@ pub(super) enum Action {
   seedbed study verify scenarios/thesis/*.ron --registered --runs 2%              2 % of the published runs
   seedbed study verify mine.ron --draw 2210193157                                 the same runs once more
 
-Stored results are not changed. At least one run of each cell is repeated, and two in all.")]
+Stored results are not changed. At least one run of each cell is repeated, unless `--any-cell` draws from all.")]
     Verify(VerifyArgs),
     /// Copy the stored runs of a study from other directories, such as those of other clusters
     #[command(after_help = "Example:
@@ -163,6 +163,9 @@ pub(super) struct VerifyArgs {
     /// Number of runs to repeat, or a share such as 2%
     #[arg(long, value_name = "N", default_value = "10")]
     pub(super) runs: Amount,
+    /// Draw from the runs of all cells, instead of at least one of each: quick checks of large studies
+    #[arg(long)]
+    pub(super) any_cell: bool,
     /// Repeat the random choice of runs with this number [default: a new choice]
     #[arg(long, value_name = "NUMBER")]
     pub(super) draw: Option<u64>,

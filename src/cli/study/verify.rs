@@ -196,16 +196,23 @@ fn choose<'a>(
         return Err(CliError::Runtime(message.to_owned()));
     }
     let draw = draw(args.draw)?;
+    let count = args.runs.of(there.len());
+    let runs = if args.any_cell {
+        draw.choose_of_any_cell(&there, count)
+    } else {
+        draw.choose(&there, count)
+    };
     let chosen = Chosen {
-        runs: draw.choose(&there, args.runs.of(there.len())),
+        runs,
         total: there.len(),
     };
     say!(
-        "draw       {}: {} of {}; to repeat these: --draw={}",
+        "draw       {}: {} of {}; to repeat these: --draw={}{}",
         draw.number(),
         chosen.runs.len(),
         pluralize(chosen.total, "run"),
-        draw.number()
+        draw.number(),
+        if args.any_cell { " --any-cell" } else { "" }
     );
     Ok(chosen)
 }

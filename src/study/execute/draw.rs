@@ -52,16 +52,33 @@ impl Draw {
         shuffled.first().copied()
     }
 
+    /// `count` of the runs, at least one, of any cells; sorted by their indices.
+    #[must_use]
+    pub fn choose_of_any_cell<'a>(
+        self,
+        runs: &[PlannedRun<'a>],
+        count: usize,
+    ) -> Vec<PlannedRun<'a>> {
+        let mut chosen = self.shuffled(runs);
+        chosen.truncate(count.max(1));
+        chosen.sort_by_key(|run| run.index);
+        chosen
+    }
+
+    fn shuffled<'a>(self, runs: &[PlannedRun<'a>]) -> Vec<PlannedRun<'a>> {
+        let mut shuffled = runs.to_vec();
+        shuffled.shuffle(&mut stream(self.0, Purpose::VerifiedRuns, 0, 0));
+        shuffled
+    }
+
     /// At least `count` of the runs: one of each cell, two in all, and the others at random; sorted by
     /// their indices.
     #[must_use]
     pub fn choose<'a>(self, runs: &[PlannedRun<'a>], count: usize) -> Vec<PlannedRun<'a>> {
-        let mut shuffled = runs.to_vec();
-        shuffled.shuffle(&mut stream(self.0, Purpose::VerifiedRuns, 0, 0));
         let mut cells = HashSet::new();
         let is_first_of_cell = |run: &PlannedRun<'_>| cells.insert(run.cell.name.clone());
         let (mut chosen, others): (Vec<_>, Vec<_>) =
-            shuffled.into_iter().partition(is_first_of_cell);
+            self.shuffled(runs).into_iter().partition(is_first_of_cell);
         let more = count.max(MIN_RUNS).saturating_sub(chosen.len());
         chosen.extend(others.into_iter().take(more));
         chosen.sort_by_key(|run| run.index);

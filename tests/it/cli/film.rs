@@ -40,7 +40,8 @@ fn a_run_is_filmed() {
         path
     };
     let first = film("first.gif", &["--width", "400"]);
-    assert_eq!(film_facts(&first), ((400, 213), 20, 19 * 10 + 200));
+    // 404 by 760 pixels at the full size without the key of agents, which has 22 and a gap of 10.
+    assert_eq!(film_facts(&first), ((400, 229), 20, 19 * 10 + 200));
     let again = film("again.gif", &["--width", "400"]);
     assert!(std::fs::read(&first).unwrap() == std::fs::read(again).unwrap());
     let agent_1 = film("other.gif", &["--width", "400", "--agent", "1"]);
