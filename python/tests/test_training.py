@@ -256,7 +256,7 @@ class TestErrors:
         with pytest.raises(seedbed.InputError) as caught:
             seedbed.train(scenario="cartpole", set=[change])
         expected = program("run", "cartpole", "--set", change, status=2)
-        assert f"error: {caught.value}" == expected.strip().replace("--set ", "set ")
+        assert f"error: {caught.value}" == expected.strip().replace("--set", "set")
         assert isinstance(caught.value, ValueError | seedbed.RunError)
 
     def test_errors_do_not_name_the_file_that_was_written(self):

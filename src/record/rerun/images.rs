@@ -16,6 +16,7 @@ use rerun::{DepthImage, EntityPath, Image, Points2D};
 
 use super::annotations::{Label, format_number, show_labels_only};
 use super::error::RecordingError;
+use super::parallel;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
 use super::samples::VisitationStyle;
 use crate::record::visitation::{
@@ -115,12 +116,12 @@ impl ImageWriter {
         let are_all_latest = *rounds.start() == 0;
         let rounds = format!("rounds {} to {}", rounds.start(), rounds.end());
         let note = Some(&*rounds);
+        let size = visits.len() * axes.width() * AXIS_HEIGHT;
         if !are_all_latest {
-            let latest = visits.iter().map(AgentVisits::latest_density);
-            self.latest
-                .push_densities(&latest.collect::<Vec<_>>(), note, moment);
+            let latest = parallel::map(visits, size, AgentVisits::latest_density);
+            self.latest.push_densities(&latest, note, moment);
         }
-        let densities: Vec<Vec<u32>> = visits.iter().map(|agent| agent.density.pixels()).collect();
+        let densities = parallel::map(visits, size, |agent| agent.density.pixels());
         if are_all_latest {
             self.latest.push_densities(&densities, note, moment);
         }
@@ -242,8 +243,10 @@ impl ImageGroup {
             .copied()
             .max()
             .unwrap_or(0);
-        for (series, pixels) in self.agents.iter_mut().zip(agents) {
-            series.push(density_pixels(pixels, max), moment);
+        let size = agents.iter().map(Vec::len).sum();
+        let images = parallel::map(agents, size, |pixels| density_pixels(pixels, max));
+        for (series, image) in self.agents.iter_mut().zip(images) {
+            series.push(image, moment);
         }
         let team = sum_of_densities(agents);
         let max_of_team = team.iter().copied().max().unwrap_or(0);

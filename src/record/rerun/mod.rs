@@ -18,6 +18,7 @@ mod header;
 mod images;
 mod layouts;
 mod live;
+mod parallel;
 mod quantities;
 mod raw;
 mod read;

@@ -1,15 +1,14 @@
 //! Adds rounds to a recording. Rows are collected, and written after every 4,096 states per agent, or
 //! more often while viewers show the recording.
 
-use std::slice::Iter;
-
-use super::RerunRecorder;
 use super::error::RecordingError;
 use super::rows::Moment;
-use super::samples::DrawnStateCounts;
-use super::writers::{Due, states_per_write};
-use crate::record::visitation::{Coloring, first_round};
-use crate::run::facts::{EpisodeDetails, EpisodeRow};
+use super::run_constants::RunConstants;
+use super::samples::{DrawnStateCounts, VisitationStyle};
+use super::writers::{AgentWriters, Due, states_per_write};
+use super::{RerunRecorder, parallel};
+use crate::record::visitation::{AgentVisits, Coloring, first_round};
+use crate::run::facts::EpisodeDetails;
 use crate::run::recorder::{Focus, RoundRecord};
 use seedbed_learn::experience::Episode;
 use seedbed_random::{Purpose, stream};
@@ -64,6 +63,75 @@ fn share_of_team(lines: usize, position: u64, agents: usize) -> usize {
     (position + 1) * lines / agents - position * lines / agents
 }
 
+/// What an agent adds to a recording in a round.
+struct PartOfAgent<'a> {
+    writers: &'a mut AgentWriters,
+    visits: &'a mut AgentVisits,
+    /// The next free position on the agent's timeline of steps.
+    next_step: &'a mut i64,
+    /// In the order of their numbers; none if the agent finished none.
+    episodes: &'a [&'a Episode],
+    /// First and last moment of each episode.
+    moments: Vec<[Moment; 2]>,
+}
+
+impl PartOfAgent<'_> {
+    /// Adds the episodes. The random stream that samples states depends only on the run seed, the
+    /// agent and the round. So the sample does not depend on other agents or interruptions.
+    fn add(
+        &mut self,
+        round: &RoundRecord<'_>,
+        constants: &RunConstants,
+        style: &VisitationStyle,
+        team_size: usize,
+    ) {
+        let agent = self.episodes.first().map_or(0, |episode| episode.agent);
+        let mut random = stream(constants.run_seed, Purpose::Recording, agent, round.round);
+        for (index, episode) in self.episodes.iter().enumerate() {
+            let quota = constants.line_quota;
+            let of_agent = quota.lines_of_episode(index, self.episodes.len(), episode.length());
+            let position = u64::from(agent) + u64::from(round.round);
+            let drawn = DrawnStateCounts {
+                of_agent,
+                of_team: share_of_team(of_agent, position, team_size),
+            };
+            let [first, end] = reserve_moments(self.next_step, episode);
+            self.moments.push([first, end]);
+            let step_data = round.step_data_of(episode);
+            if episode.episode.is_multiple_of(constants.raw_every) {
+                let details = round.details_of(episode);
+                let info = details.map_or(&[][..], |details| &details.info);
+                self.writers.raw.add(episode, info, step_data, first);
+            }
+            style.add(
+                (episode, step_data),
+                end,
+                self.visits,
+                [&mut self.writers.sample, &mut self.writers.for_team],
+                drawn,
+                &mut random,
+            );
+        }
+        self.visits.end_round(round.round, constants.window);
+    }
+}
+
+/// Reserves positions for an episode on the timeline of steps of its agent, and returns its first and
+/// its last moment.
+fn reserve_moments(next_step: &mut i64, episode: &Episode) -> [Moment; 2] {
+    let first = Moment {
+        env_step: *next_step,
+        episode: episode.episode.into(),
+        round: episode.round.into(),
+    };
+    let end = Moment {
+        env_step: *next_step + episode.length() as i64,
+        ..first
+    };
+    *next_step = end.env_step + 1;
+    [first, end]
+}
+
 impl RerunRecorder {
     /// Adds a round, and writes the chunks that are full.
     pub(super) fn add_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordingError> {
@@ -71,13 +139,7 @@ impl RerunRecorder {
             self.set_color_range(round.episodes);
             self.write_blueprint(round.details)?;
         }
-        let mut rows = round.episode_rows.iter();
-        for episodes in round.episodes.chunk_by(|one, next| one.agent == next.agent) {
-            self.add_episodes(round, episodes, &mut rows);
-        }
-        for visits in &mut self.state.visits {
-            visits.end_round(round.round, self.constants.window);
-        }
+        self.add_episodes(round);
         let latest_episode = round.episodes.iter().map(|episode| episode.episode).max();
         let latest_episode = latest_episode.map_or(0, i64::from);
         self.state.latest = Some((round.round.into(), latest_episode));
@@ -133,70 +195,51 @@ impl RerunRecorder {
         Due::Shown
     }
 
-    /// Adds the episodes of one agent in a round. The random stream that samples states depends
-    /// only on the run seed, the agent and the round. So the sample does not depend on other agents
-    /// or interruptions.
-    fn add_episodes(
-        &mut self,
-        round: &RoundRecord<'_>,
-        episodes: &[&Episode],
-        rows: &mut Iter<'_, EpisodeRow>,
-    ) {
-        let agent = episodes[0].agent as usize;
-        let mut random = stream(
-            self.constants.run_seed,
-            Purpose::Recording,
-            episodes[0].agent,
-            round.round,
-        );
-        for (index, episode) in episodes.iter().enumerate() {
-            let quota = self.constants.line_quota;
-            let count_of_agent = quota.lines_of_episode(index, episodes.len(), episode.length());
-            let position = u64::from(episode.agent) + u64::from(round.round);
-            let drawn_state_counts = DrawnStateCounts {
-                of_agent: count_of_agent,
-                of_team: share_of_team(count_of_agent, position, self.writers.agents.len()),
-            };
-            let (first_moment, end) = self.reserve_moments(episode);
-            let step_data = round.step_data_of(episode);
-            let writers = &mut self.writers.agents[agent];
-            let details = round.details_of(episode);
-            if episode.episode.is_multiple_of(self.constants.raw_every) {
-                let info = details.map_or(&[][..], |details| &details.info);
-                writers.raw.add(episode, info, step_data, first_moment);
+    /// Adds the episodes of a round: those of each agent by themselves, then, in the order of agents,
+    /// what all agents share.
+    fn add_episodes(&mut self, round: &RoundRecord<'_>) {
+        let (constants, style) = (&self.constants, &self.style);
+        let mut episodes = round.episodes.chunk_by(|one, next| one.agent == next.agent);
+        let mut of_next_agent = episodes.next();
+        let agents = self.writers.agents.iter_mut().zip(&mut self.state.visits);
+        let agents = agents.zip(&mut self.state.next_steps);
+        let mut parts = Vec::new();
+        for (agent, ((writers, visits), next_step)) in (0..).zip(agents) {
+            let own = of_next_agent.filter(|episodes| episodes[0].agent == agent);
+            if own.is_some() {
+                of_next_agent = episodes.next();
             }
-            self.style.add(
-                (episode, step_data),
-                end,
-                &mut self.state.visits[agent],
-                [&mut writers.sample, &mut self.writers.team],
-                drawn_state_counts,
-                &mut random,
-            );
-            if let Some(row) = rows.next() {
-                self.writers.curves.add_episode(row, end);
-            }
-            if let Some(details) = details {
-                self.add_scene(details, first_moment);
-            }
+            parts.push(PartOfAgent {
+                writers,
+                visits,
+                next_step,
+                episodes: own.unwrap_or_default(),
+                moments: Vec::new(),
+            });
         }
+        let team_size = parts.len();
+        let states = round.episodes.iter().map(|episode| episode.length() + 1);
+        parallel::for_each(&mut parts, states.sum(), |part| {
+            part.add(round, constants, style, team_size);
+        });
+        let moments = parts.into_iter().flat_map(|part| part.moments).collect();
+        self.add_shared(round, moments);
     }
 
-    /// Reserves positions for an episode on the timeline of steps of its agent, and returns its
-    /// first and its last moment.
-    fn reserve_moments(&mut self, episode: &Episode) -> (Moment, Moment) {
-        let next_step = &mut self.state.next_steps[episode.agent as usize];
-        let first_moment = Moment {
-            env_step: *next_step,
-            episode: episode.episode.into(),
-            round: episode.round.into(),
-        };
-        let end = Moment {
-            env_step: *next_step + episode.length() as i64,
-            ..first_moment
-        };
-        *next_step = end.env_step + 1;
-        (first_moment, end)
+    /// Adds the sample of the team, the returns and the bodies of all episodes. `moments`: the first and
+    /// the last one of each episode
+    fn add_shared(&mut self, round: &RoundRecord<'_>, moments: Vec<[Moment; 2]>) {
+        for agent in &mut self.writers.agents {
+            self.writers.team.append(&mut agent.for_team);
+        }
+        for (row, [_, end]) in round.episode_rows.iter().zip(&moments) {
+            self.writers.curves.add_episode(row, *end);
+        }
+        for (episode, [first, _]) in round.episodes.iter().zip(&moments) {
+            if let Some(details) = round.details_of(episode) {
+                self.add_scene(details, *first);
+            }
+        }
     }
 
     /// Adds the bodies of an episode if its agent has a scene.

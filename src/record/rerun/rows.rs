@@ -54,6 +54,12 @@ impl Moments {
         self.rounds.push(moment.round);
     }
 
+    pub(super) fn append(&mut self, other: &mut Self) {
+        self.env_steps.append(&mut other.env_steps);
+        self.episodes.append(&mut other.episodes);
+        self.rounds.append(&mut other.rounds);
+    }
+
     /// Adds the moments of `rows` consecutive steps, beginning at `first`.
     pub(super) fn push_steps(&mut self, first: Moment, rows: usize) {
         let rows_after = |count: usize| self.env_steps.len() + count;

@@ -147,6 +147,12 @@ impl SampleWriter {
         );
     }
 
+    /// Takes the states of another writer, which has those of later episodes or agents.
+    pub(super) fn append(&mut self, other: &mut Self) {
+        self.lines.append(&mut other.lines);
+        self.points.append(&mut other.points);
+    }
+
     fn end_episode(&mut self, states: usize, end: Moment) {
         for series in [&mut self.lines, &mut self.points] {
             series.moments.push(end);
@@ -224,6 +230,13 @@ impl MarkSeries {
             colors,
             states_per_row,
         }
+    }
+
+    fn append(&mut self, other: &mut Self) {
+        self.moments.append(&mut other.moments);
+        self.coordinates.append(&mut other.coordinates);
+        self.colors.append(&mut other.colors);
+        self.states_per_row.append(&mut other.states_per_row);
     }
 
     /// Takes the collected lines or points as a chunk. Each state has `marks_per_state` lines or

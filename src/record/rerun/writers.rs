@@ -39,6 +39,8 @@ pub(super) struct Writers {
 pub(super) struct AgentWriters {
     pub(super) raw: RawTable,
     pub(super) sample: SampleWriter,
+    /// What the agent adds to the sample of the team in the current round; empty between rounds.
+    pub(super) for_team: SampleWriter,
 }
 
 impl Writers {
@@ -53,6 +55,7 @@ impl Writers {
         let agent_writers = |agent| AgentWriters {
             raw: RawTable::new(agent, &columns, rows_per_chunk),
             sample: SampleWriter::new(&format!("agent_{agent}")),
+            for_team: SampleWriter::new("team"),
         };
         Ok(Self {
             agents: (0..agents).map(agent_writers).collect(),

@@ -4,10 +4,14 @@
 //! The thread receives rounds through a queue of limited length. If it is slower than training,
 //! training waits: rounds are neither lost nor collected in memory. Recorders receive the same
 //! rounds in the same order in both cases, so that files do not depend on the number of threads.
+//! In teams of four agents or more, recorders are called in a pool of threads, among which they may
+//! divide large rounds by agents.
 
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::{self, JoinHandle};
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::run::recorder::{RecordError, Recorder, RoundRecord};
 use crate::run::training::Round;
@@ -85,7 +89,8 @@ impl RoundRecorder {
             return Self::Direct(recorders);
         }
         let waiting_rounds = (MAX_WAITING_EPISODES / agents.max(1)).clamp(1, MAX_WAITING_ROUNDS);
-        Self::Queued(RecordingThread::start(recorders, waiting_rounds))
+        let pool = (agents >= MIN_AGENTS_OF_POOL).then(|| recording_pool(threads));
+        Self::Queued(RecordingThread::start(recorders, waiting_rounds, pool))
     }
 
     /// Records a round, or lets it wait to be recorded. `episodes` are in (agent, episode) order.
@@ -147,14 +152,32 @@ impl RoundRecorder {
     }
 }
 
+/// Number of agents from which recorders may use several threads.
+const MIN_AGENTS_OF_POOL: usize = 4;
+
+/// The threads among which recorders divide large rounds.
+fn recording_pool(threads: usize) -> ThreadPool {
+    ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|index| format!("recorder-{index}"))
+        .build()
+        .expect("the system starts threads")
+}
+
 impl RecordingThread {
-    fn start(recorders: Recorders, waiting_rounds: usize) -> Self {
+    fn start(recorders: Recorders, waiting_rounds: usize, pool: Option<ThreadPool>) -> Self {
         let (tasks, queue) = sync_channel(waiting_rounds);
         let (states_sender, states) = channel();
         let (warnings_sender, warnings) = channel();
         let thread = thread::Builder::new()
             .name("recorder".to_owned())
-            .spawn(move || work(recorders, &queue, &states_sender, &warnings_sender))
+            .spawn(move || {
+                let work = move || work(recorders, &queue, &states_sender, &warnings_sender);
+                match pool {
+                    Some(pool) => pool.install(work),
+                    None => work(),
+                }
+            })
             .expect("the system starts threads");
         Self {
             tasks: Some(tasks),

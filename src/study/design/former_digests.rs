@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn locked_studies_have_cells_with_the_digests_of_their_locks() {
         let studies = locked_studies();
-        assert_eq!(studies.len(), 40);
+        assert_eq!(studies.len(), 41);
         for path in studies {
             let plan = StudyPlan::load_before_results(&path, false).unwrap();
             let registered = plan.registered();
