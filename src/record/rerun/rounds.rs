@@ -222,20 +222,20 @@ impl RerunRecorder {
         parallel::for_each(&mut parts, states.sum(), |part| {
             part.add(round, constants, style, team_size);
         });
-        let moments = parts.into_iter().flat_map(|part| part.moments).collect();
-        self.add_shared(round, moments);
+        let moments: Vec<_> = parts.into_iter().flat_map(|part| part.moments).collect();
+        self.add_shared(round, &moments);
     }
 
     /// Adds the sample of the team, the returns and the bodies of all episodes. `moments`: the first and
     /// the last one of each episode
-    fn add_shared(&mut self, round: &RoundRecord<'_>, moments: Vec<[Moment; 2]>) {
+    fn add_shared(&mut self, round: &RoundRecord<'_>, moments: &[[Moment; 2]]) {
         for agent in &mut self.writers.agents {
             self.writers.team.append(&mut agent.for_team);
         }
-        for (row, [_, end]) in round.episode_rows.iter().zip(&moments) {
+        for (row, [_, end]) in round.episode_rows.iter().zip(moments) {
             self.writers.curves.add_episode(row, *end);
         }
-        for (episode, [first, _]) in round.episodes.iter().zip(&moments) {
+        for (episode, [first, _]) in round.episodes.iter().zip(moments) {
             if let Some(details) = round.details_of(episode) {
                 self.add_scene(details, *first);
             }
