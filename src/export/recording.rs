@@ -8,6 +8,7 @@ use crate::record::recording::RecordingFile;
 use crate::record::state_files::StateFiles;
 use crate::run::recorder::{BonusRange, Focus, RecorderFactory, RoundRecord, RunInfo};
 use crate::scenario::recording::RecordingSettings;
+use seedbed_learn::team::Workers;
 
 /// Writes the recording, round by round, and returns the number of states. Calls `on_episode` for
 /// each episode.
@@ -49,6 +50,7 @@ pub(super) fn write(
             round_rows: &rows.updates,
             step_data: &[],
             details: &[],
+            workers: Workers::CURRENT_THREAD,
         })?;
         for episode in episodes {
             states += episode.length() as u64 + 1;

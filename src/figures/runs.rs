@@ -7,6 +7,7 @@ use crate::record::{RecordedStates, common_axes};
 use crate::review::LoadedRun;
 use crate::review::selection::{EpisodeSelection, SelectedStates};
 use crate::run::Plan;
+use crate::run::folder::read_scenario;
 
 /// A run with the states to draw.
 #[derive(Debug)]
@@ -74,8 +75,8 @@ pub(super) fn read(
 
 /// A note if returns in different tasks are drawn beside each other.
 pub(super) fn note_on_tasks(settings: &FigureSettings, runs: &[PlottedRun]) -> Option<String> {
-    let has_returns = [Part::Returns, Part::Curves].map(|part| settings.shows(part));
-    if !has_returns.contains(&true) {
+    let mut parts = [Part::Returns, Part::Curves].into_iter();
+    if !parts.any(|part| settings.shows(part)) {
         return None;
     }
     let mut names: Vec<String> = runs.iter().filter_map(task_name).collect();
@@ -87,10 +88,11 @@ pub(super) fn note_on_tasks(settings: &FigureSettings, runs: &[PlottedRun]) -> O
     })
 }
 
-/// Name of the task; `None` if it is not known.
+/// Name of the task; `None` if it is not known. The task itself is not read: that of Gymnasium would start Python.
 fn task_name(run: &PlottedRun) -> Option<String> {
-    let plan = Plan::of_run(run.loaded_run.folder.as_ref()?).ok()?;
-    Some(plan.description.spec().name.clone())
+    let folder = run.loaded_run.folder.as_ref()?;
+    let scenario = read_scenario(&folder.scenario_file()).ok()?.value;
+    Some(scenario.environment.task_name().into_owned())
 }
 
 /// The outlines of bodies that never move; `None` if the task is not known.

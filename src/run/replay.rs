@@ -12,6 +12,7 @@ use crate::run::recorder::{BonusRange, Focus, Recorder, RecorderFactory, RoundRe
 use crate::scenario::recording::{RecordingSettings, SceneSettings};
 use seedbed_input::InputError;
 use seedbed_input::numbers::ranged_count;
+use seedbed_learn::team::Workers;
 
 /// What a replay shows.
 #[derive(Clone, Copy, Debug)]
@@ -61,6 +62,7 @@ pub fn replay(
             round_rows: &[],
             step_data: &[],
             details: &played.details,
+            workers: Workers::CURRENT_THREAD,
         })?;
         rows.extend(episode_rows);
         on_finished(number + 1);

@@ -11,6 +11,7 @@ use crate::scenario::resolve::Resolve;
 use seedbed_env::tabular::Model;
 use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
 use seedbed_learn::experience::Episode;
+use seedbed_learn::team::Workers;
 
 /// Max number of agents of a team that is recorded.
 pub const MAX_AGENTS: u32 = 64;
@@ -140,6 +141,7 @@ impl TabularRecorder {
             round_rows: &[],
             step_data: &[],
             details: &[],
+            workers: Workers::CURRENT_THREAD,
         };
         self.recorder
             .as_mut()

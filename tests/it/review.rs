@@ -255,6 +255,34 @@ fn inspect_and_plot_work_without_a_recording() {
     assert!(error.ends_with(expected), "{error}");
 }
 
+/// A note names the tasks of runs whose returns are drawn beside each other, if they differ.
+#[test]
+fn plots_of_different_tasks_say_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let run_of = |name: &str, task: &str| {
+        let options = ["--no-recording", "--set", &format!("environment={task:?}")];
+        finish_small_run(&folder.path().join(name), &options)
+    };
+    let runs = [
+        ("one", "cartpole"),
+        ("same", "cartpole"),
+        ("other", "pendulum"),
+    ];
+    let [one, same, other] = runs.map(|(name, task)| run_of(name, task));
+    let out = folder.path().join("returns.svg");
+    let notes = |two: [&Path; 2]| {
+        let [first, second, out] = [two[0], two[1], &out].map(|path| path.to_str().unwrap());
+        let output = seedbed(&["plot", first, second, "--what", "returns", "--out", out]);
+        assert!(output.status.success(), "{output:?}");
+        stderr(&output)
+    };
+    assert_eq!(notes([&one, &same]), "");
+    assert_eq!(
+        notes([&one, &other]),
+        "note: the runs are in different tasks (cartpole, pendulum), whose returns do not compare\n"
+    );
+}
+
 #[test]
 fn inspect_explains_why_a_path_is_not_a_run() {
     let folder = tempfile::tempdir().unwrap();

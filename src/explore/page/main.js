@@ -17,7 +17,7 @@ class App {
     const last = Math.max(...numbers.map((episodes) => episodes.reduce((one, other) => Math.max(one, other))), 0);
     const returns = this.axes.find((axis) => axis.kind === "return");
     this.view = { first: Number.isFinite(first) ? first : 0, last, returns: [returns.low, returns.high] };
-    this.openAddress();
+    this.open(location.hash.slice(1));
     this.isDark = !this.isEmbedded && matchMedia("(prefers-color-scheme: dark)").matches;
     this.panels = runs.map((run) => new Panel(run, this));
     byId("runs").replaceChildren(...this.panels.map((panel) => panel.element));
@@ -57,16 +57,15 @@ class App {
     this.redraw();
   }
 
-  /** The view of the address. Says which parts of it are not understood. */
-  openAddress() {
-    const ignored = fromHash(this, this.isEmbedded ? "" : location.hash.slice(1));
+  /** Changes the view to that of a hash, unless the page is part of another. Says which parts of it are not understood. */
+  open(hash) {
+    const ignored = fromHash(this, this.isEmbedded ? "" : hash);
     byId("ignored").hidden = !ignored.length;
     byId("ignored").textContent = `These parts of the address mean nothing here: ${ignored.join(" · ")}`;
   }
 
   reset() {
-    fromHash(this, "");
-    byId("ignored").hidden = true;
+    this.open("");
     this.ranges.opened.clear();
     this.redraw();
   }
@@ -125,7 +124,7 @@ class App {
     byId("save-svg").onclick = () => download(new Blob([toSvg(this)], { type: "image/svg+xml" }), "states.svg");
     addEventListener("hashchange", () => {
       if (this.isEmbedded) return;
-      this.openAddress();
+      this.open(location.hash.slice(1));
       this.redraw();
     });
   }

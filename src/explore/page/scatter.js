@@ -61,8 +61,7 @@ class Scatter {
     const isDifference = panel.app.view.color === "difference";
     /* A few cells where agents begin or stay differ far more than all others, which would be pale. */
     const end = isDifference ? quantile(pairs.map(({ weights }) => weights), SHARE_OF_DIFFERENCES) : max;
-    const differences = `colors up to ±${formatShare(end)} of the states per cell, √ scale; largest ±${formatShare(max)}`;
-    const scale = [isDifference ? differences : `max ${formatCount(max)} per cell`];
+    const scale = [isDifference ? `colors up to ±${formatShare(end)} of the states per cell, √ scale; largest ±${formatShare(max)}` : `max ${formatCount(max)} per cell`];
     const first = agents.length === MAX_PLOTS && panel.run.agents > MAX_PLOTS ? [`first ${MAX_PLOTS} shown agents`] : [];
     this.output.textContent = [...scale, ...first].join(", ");
     const grayMax = Math.max(...this.context.map(largest), 0);

@@ -158,11 +158,6 @@ function rangeTexts(axis, brush) {
   });
 }
 
-/** Whether two encoded names are equal. */
-function sameName(one, other) {
-  return decoded(one) === decoded(other);
-}
-
 /** What a hash may say. */
 const HASH_KEYS = ["brush", "agents", "episodes", "color", "compared", "scatter", "per", "axes"];
 
@@ -172,7 +167,7 @@ function fromHash(app, hash) {
   const ignored = hash.split("&").filter((part) => part && !HASH_KEYS.includes(part.split("=")[0]));
   const parameters = new URLSearchParams(hash.replace(/\+/g, "%2B"));
   const raw = new Map(hash.split("&").map((part) => [part.split("=")[0], part.slice(part.indexOf("=") + 1)]));
-  const axisNamed = (text) => axes.findIndex((_, a) => sameName(text, addressName(axes, a)));
+  const axisNamed = (text) => axes.findIndex((_, a) => decoded(text) === decoded(addressName(axes, a)));
   view.brushes = axes.map(() => null);
   for (const part of (raw.get("brush") ?? "").split(",").filter(Boolean)) {
     const [name, low, high] = part.split(":");
@@ -202,7 +197,7 @@ function fromHash(app, hash) {
   view.isPerAgent = parameters.get("per") === "agent";
   const shown = axesOf("axes");
   view.axes = shown.length > 1 ? shown : app.shownAxes();
-  return ignored.map((part) => decoded(part));
+  return ignored.map(decoded);
 }
 
 /** An encoded text; as it is if it cannot be decoded. */

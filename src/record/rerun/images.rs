@@ -16,7 +16,6 @@ use rerun::{DepthImage, EntityPath, Image, Points2D};
 
 use super::annotations::{Label, format_number, show_labels_only};
 use super::error::RecordingError;
-use super::parallel;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
 use super::samples::VisitationStyle;
 use crate::record::visitation::{
@@ -25,6 +24,7 @@ use crate::record::visitation::{
 };
 use crate::scenario::recording::Difference;
 use seedbed_figure::color::dark::{diverging_color, sequential_color};
+use seedbed_learn::team::Workers;
 
 /// Number of images in one chunk, in teams of up to 128 agents. In larger teams it is smaller,
 /// because the images of all agents wait in memory at the same time.
@@ -112,20 +112,23 @@ impl ImageWriter {
         VisitationStyle { axes, pairs, .. }: &VisitationStyle,
         rounds: RangeInclusive<u32>,
         moment: Moment,
+        workers: Workers<'_>,
     ) {
         let are_all_latest = *rounds.start() == 0;
         let rounds = format!("rounds {} to {}", rounds.start(), rounds.end());
         let note = Some(&*rounds);
-        let size = visits.len() * axes.width() * AXIS_HEIGHT;
+        let agents = || visits.iter().collect::<Vec<_>>();
         if !are_all_latest {
-            let latest = parallel::map(visits, size, AgentVisits::latest_density);
-            self.latest.push_densities(&latest, note, moment);
+            let latest = workers.map(agents(), AgentVisits::latest_density);
+            self.latest.push_densities(&latest, note, moment, workers);
         }
-        let densities = parallel::map(visits, size, |agent| agent.density.pixels());
+        let densities = workers.map(agents(), |agent| agent.density.pixels());
         if are_all_latest {
-            self.latest.push_densities(&densities, note, moment);
+            self.latest
+                .push_densities(&densities, note, moment, workers);
         }
-        self.density.push_densities(&densities, None, moment);
+        self.density
+            .push_densities(&densities, None, moment, workers);
         self.push_difference(&densities, axes.width(), moment);
         if let Some(group) = &mut self.bonus {
             let bonuses: Vec<BonusMap> = visits
@@ -236,15 +239,22 @@ impl ImageGroup {
 
     /// Adds images of the number of lines per pixel. The labels of both scales are the number of
     /// lines on the brightest pixel, and `note`.
-    fn push_densities(&mut self, agents: &[Vec<u32>], note: Option<&str>, moment: Moment) {
+    fn push_densities(
+        &mut self,
+        agents: &[Vec<u32>],
+        note: Option<&str>,
+        moment: Moment,
+        workers: Workers<'_>,
+    ) {
         let max = agents
             .iter()
             .flat_map(|pixels| pixels.iter())
             .copied()
             .max()
             .unwrap_or(0);
-        let size = agents.iter().map(Vec::len).sum();
-        let images = parallel::map(agents, size, |pixels| density_pixels(pixels, max));
+        let images = workers.map(agents.iter().collect(), |pixels| {
+            density_pixels(pixels, max)
+        });
         for (series, image) in self.agents.iter_mut().zip(images) {
             series.push(image, moment);
         }

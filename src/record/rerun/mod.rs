@@ -18,7 +18,6 @@ mod header;
 mod images;
 mod layouts;
 mod live;
-mod parallel;
 mod quantities;
 mod raw;
 mod read;
@@ -57,6 +56,7 @@ use super::ReadError;
 use crate::run::recorder::{Attempt, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo};
 use crate::scenario::recording::RecordingSettings;
 use crate::storage::written::WrittenFile;
+use seedbed_learn::team::Workers;
 
 /// Number of messages of a recording before the first damage or its end, and number of bytes up to there.
 ///
@@ -248,7 +248,7 @@ impl RerunRecorder {
 
     fn complete(&mut self) -> Result<(), RecordingError> {
         if self.state.latest.is_some() && !self.state.has_latest_images {
-            self.add_images();
+            self.add_images(Workers::CURRENT_THREAD);
         }
         self.write_chunks(Due::All)?;
         self.sink.finish()?;

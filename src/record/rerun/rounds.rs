@@ -1,16 +1,17 @@
 //! Adds rounds to a recording. Rows are collected, and written after every 4,096 states per agent, or
 //! more often while viewers show the recording.
 
+use super::RerunRecorder;
 use super::error::RecordingError;
 use super::rows::Moment;
 use super::run_constants::RunConstants;
 use super::samples::{DrawnStateCounts, VisitationStyle};
 use super::writers::{AgentWriters, Due, states_per_write};
-use super::{RerunRecorder, parallel};
 use crate::record::visitation::{AgentVisits, Coloring, first_round};
 use crate::run::facts::EpisodeDetails;
 use crate::run::recorder::{Focus, RoundRecord};
 use seedbed_learn::experience::Episode;
+use seedbed_learn::team::Workers;
 use seedbed_random::{Purpose, stream};
 
 /// Minimum number of states per agent between two images, for each round of the initial interval.
@@ -21,6 +22,10 @@ const STATES_PER_IMAGE_ROUND: u64 = 300;
 /// Number of states per agent after which rows of all entities are written while viewers show the
 /// recording, so that they see the newest rounds soon, in larger files.
 const STATES_PER_WRITE_TO_VIEWERS: usize = 128;
+
+/// Number of states in a round from which threads share the work. To pass less to other threads would
+/// take as long as to do it.
+const MIN_SHARED_STATES: usize = 2048;
 
 /// Number of images at the initial interval, before it doubles.
 const IMAGES_BEFORE_DOUBLING: u32 = 200;
@@ -153,7 +158,7 @@ impl RerunRecorder {
         );
         self.count_states(round.episodes);
         if self.are_images_due(round.round) {
-            self.add_images();
+            self.add_images(round.workers);
         }
         let due = self.due_rows();
         self.write_chunks(due)
@@ -199,16 +204,13 @@ impl RerunRecorder {
     /// what all agents share.
     fn add_episodes(&mut self, round: &RoundRecord<'_>) {
         let (constants, style) = (&self.constants, &self.style);
-        let mut episodes = round.episodes.chunk_by(|one, next| one.agent == next.agent);
-        let mut of_next_agent = episodes.next();
+        let episodes = round.episodes.chunk_by(|one, next| one.agent == next.agent);
+        let mut episodes = episodes.peekable();
         let agents = self.writers.agents.iter_mut().zip(&mut self.state.visits);
         let agents = agents.zip(&mut self.state.next_steps);
         let mut parts = Vec::new();
         for (agent, ((writers, visits), next_step)) in (0..).zip(agents) {
-            let own = of_next_agent.filter(|episodes| episodes[0].agent == agent);
-            if own.is_some() {
-                of_next_agent = episodes.next();
-            }
+            let own = episodes.next_if(|episodes| episodes[0].agent == agent);
             parts.push(PartOfAgent {
                 writers,
                 visits,
@@ -218,8 +220,17 @@ impl RerunRecorder {
             });
         }
         let team_size = parts.len();
-        let states = round.episodes.iter().map(|episode| episode.length() + 1);
-        parallel::for_each(&mut parts, states.sum(), |part| {
+        let states: usize = round
+            .episodes
+            .iter()
+            .map(|episode| episode.length() + 1)
+            .sum();
+        let workers = if states < MIN_SHARED_STATES {
+            Workers::CURRENT_THREAD
+        } else {
+            round.workers
+        };
+        workers.for_each(&mut parts, |part| {
             part.add(round, constants, style, team_size);
         });
         let moments: Vec<_> = parts.into_iter().flat_map(|part| part.moments).collect();
@@ -274,7 +285,7 @@ impl RerunRecorder {
 
     /// Adds images of the states visited so far and in the latest rounds. A recording of motion, which
     /// is played from its beginning, has them once, at its beginning.
-    pub(super) fn add_images(&mut self) {
+    pub(super) fn add_images(&mut self, workers: Workers<'_>) {
         let end_of_latest_round = self.end_of_latest_round();
         let moment = match self.constants.focus {
             Focus::Motion => Moment::default(),
@@ -288,7 +299,9 @@ impl RerunRecorder {
             style,
             ..
         } = self;
-        writers.images.push(&state.visits, style, rounds, moment);
+        writers
+            .images
+            .push(&state.visits, style, rounds, moment, workers);
         self.state.has_latest_images = true;
         self.state.states_since_images = 0;
     }

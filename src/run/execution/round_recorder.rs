@@ -4,20 +4,19 @@
 //! The thread receives rounds through a queue of limited length. If it is slower than training,
 //! training waits: rounds are neither lost nor collected in memory. Recorders receive the same
 //! rounds in the same order in both cases, so that files do not depend on the number of threads.
-//! In teams of four agents or more, recorders are called in a pool of threads, among which they may
-//! divide large rounds by agents.
+//! In teams of four agents or more, they get a pool of threads, among which they may divide their work.
 
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::{self, JoinHandle};
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 
 use crate::run::recorder::{RecordError, Recorder, RoundRecord};
-use crate::run::training::Round;
-use crate::run::training::thread_count;
+use crate::run::training::{Round, thread_count, thread_pool};
 use crate::storage::written::WrittenFile;
 use seedbed_learn::experience::Episode;
+use seedbed_learn::team::Workers;
 
 /// Maximum number of rounds that wait for the recorders.
 const MAX_WAITING_ROUNDS: usize = 8;
@@ -89,7 +88,7 @@ impl RoundRecorder {
             return Self::Direct(recorders);
         }
         let waiting_rounds = (MAX_WAITING_EPISODES / agents.max(1)).clamp(1, MAX_WAITING_ROUNDS);
-        let pool = (agents >= MIN_AGENTS_OF_POOL).then(|| recording_pool(threads));
+        let pool = (agents >= MIN_AGENTS_OF_POOL).then(|| thread_pool(threads, "recorder"));
         Self::Queued(RecordingThread::start(recorders, waiting_rounds, pool))
     }
 
@@ -105,7 +104,8 @@ impl RoundRecorder {
     ) -> Result<(), RecordError> {
         match self {
             Self::Direct(recorders) => {
-                record_round(recorders, &record_of(number, episodes, &round))
+                let record = record_of(number, episodes, &round, Workers::CURRENT_THREAD);
+                record_round(recorders, &record)
             }
             Self::Queued(thread) => {
                 let episodes = episodes.iter().copied().cloned().collect();
@@ -155,15 +155,6 @@ impl RoundRecorder {
 /// Number of agents from which recorders may use several threads.
 const MIN_AGENTS_OF_POOL: usize = 4;
 
-/// The threads among which recorders divide large rounds.
-fn recording_pool(threads: usize) -> ThreadPool {
-    ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .thread_name(|index| format!("recorder-{index}"))
-        .build()
-        .expect("the system starts threads")
-}
-
 impl RecordingThread {
     fn start(recorders: Recorders, waiting_rounds: usize, pool: Option<ThreadPool>) -> Self {
         let (tasks, queue) = sync_channel(waiting_rounds);
@@ -172,11 +163,8 @@ impl RecordingThread {
         let thread = thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || {
-                let work = move || work(recorders, &queue, &states_sender, &warnings_sender);
-                match pool {
-                    Some(pool) => pool.install(work),
-                    None => work(),
-                }
+                let workers = Workers::new(pool.as_ref());
+                work(recorders, workers, &queue, &states_sender, &warnings_sender)
             })
             .expect("the system starts threads");
         Self {
@@ -227,6 +215,7 @@ impl Drop for RecordingThread {
 /// Carries out tasks until there are no more, or until a file cannot be written.
 fn work(
     mut recorders: Recorders,
+    workers: Workers<'_>,
     queue: &Receiver<Task>,
     states: &Sender<RecorderStates>,
     warnings: &Sender<String>,
@@ -240,7 +229,8 @@ fn work(
                     round,
                 } = *finished;
                 let episodes: Vec<&Episode> = episodes.iter().collect();
-                record_round(&mut recorders, &record_of(number, &episodes, &round))?;
+                let record = record_of(number, &episodes, &round, workers);
+                record_round(&mut recorders, &record)?;
                 None
             }
             Task::Checkpoint(kind) => Some(checkpoint(&mut recorders, kind)?),
@@ -255,7 +245,12 @@ fn work(
     Ok(())
 }
 
-fn record_of<'a>(number: u32, episodes: &'a [&'a Episode], round: &'a Round) -> RoundRecord<'a> {
+fn record_of<'a>(
+    number: u32,
+    episodes: &'a [&'a Episode],
+    round: &'a Round,
+    workers: Workers<'a>,
+) -> RoundRecord<'a> {
     RoundRecord {
         round: number,
         episodes,
@@ -263,6 +258,7 @@ fn record_of<'a>(number: u32, episodes: &'a [&'a Episode], round: &'a Round) -> 
         round_rows: &round.rows.updates,
         step_data: &round.step_data,
         details: &round.details,
+        workers,
     }
 }
 

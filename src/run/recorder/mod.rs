@@ -14,6 +14,7 @@ use super::facts::{EpisodeDetails, EpisodeRow, RoundRow};
 use crate::scenario::recording::RecordingSettings;
 use crate::storage::written::WrittenFile;
 use seedbed_learn::experience::{Episode, StepData};
+use seedbed_learn::team::Workers;
 
 /// Records each round after it is finished. Must not change what is learned. A run calls its
 /// recorders in a thread of their own if it has more than one thread.
@@ -99,6 +100,8 @@ pub struct RoundRecord<'a> {
     /// Bodies and entries of `info` of the episodes of this round that have any to record, in (agent,
     /// episode) order.
     pub details: &'a [EpisodeDetails],
+    /// The threads among which a recorder may divide its work. What it records does not depend on them.
+    pub workers: Workers<'a>,
 }
 
 impl RoundRecord<'_> {

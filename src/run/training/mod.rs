@@ -18,10 +18,24 @@ mod team_on_ranks;
 mod trainer;
 mod trainer_on_ranks;
 
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
 pub use self::episode_warning::EpisodeWarning;
 pub use self::rollout::{PlayedEpisodes, RoundPlan};
 pub use self::trainer::{NonFinite, Round, RoundFailure, Trainer, TrainingSettings};
 pub use self::trainer_on_ranks::TrainerOnRanks;
+
+/// A pool of this number of threads, which are named by their work; 0 is the number of cores.
+///
+/// # Panics
+/// If the system starts no more threads.
+pub(in crate::run) fn thread_pool(threads: usize, work: &'static str) -> ThreadPool {
+    ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(move |index| format!("{work}-{index}"))
+        .build()
+        .expect("the system starts threads")
+}
 
 /// The number of threads that a setting stands for: 0 is the number of cores.
 #[must_use]

@@ -9,6 +9,7 @@ use seedbed::run::recorder::{Recorder, RoundRecord};
 use seedbed::run::training::Trainer;
 use seedbed::scenario::recording::{AxisChoice, RecordingSettings};
 use seedbed_input::numbers::{FiniteNumber, ranged_count, ranged_number};
+use seedbed_learn::team::Workers;
 
 use super::super::util::REPOSITORY;
 use super::contents::RecordingContents;
@@ -168,6 +169,7 @@ fn the_advantage_column_has_the_estimates_of_the_agents() {
                 round_rows,
                 step_data: &round.step_data,
                 details: &[],
+                workers: Workers::CURRENT_THREAD,
             })
             .unwrap();
     }

@@ -5,6 +5,7 @@ use seedbed::run::recorder::{BonusRange, Recorder, RoundRecord};
 use seedbed::run::recorder::{Focus, RunInfo};
 use seedbed_env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Status, TaskSpec};
 use seedbed_learn::experience::{Episode, StepData};
+use seedbed_learn::team::Workers;
 
 /// A synthetic cart-pole run whose episodes become longer from round to round.
 pub(super) struct SyntheticRun {
@@ -32,6 +33,7 @@ impl SyntheticRound {
             round_rows: &self.round_rows,
             step_data: &self.step_data,
             details: &self.details,
+            workers: Workers::CURRENT_THREAD,
         };
         recorder
             .record_round(&round)

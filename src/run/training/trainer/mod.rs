@@ -10,13 +10,14 @@ mod saved;
 
 use std::ops::Range;
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 
 pub(super) use self::from_scenario::shares_rapier_world;
 pub use self::round_failure::{NonFinite, RoundFailure};
 use super::asynchronous::AsyncRollout;
 use super::episode_warning::EpisodeWarning;
 use super::rollout::CopyGroup;
+use super::thread_pool;
 use crate::run::facts::EpisodeDetails;
 use crate::run::measures::{Measures, RoundRows};
 use crate::scenario::recording::SceneSettings;
@@ -163,7 +164,7 @@ impl Trainer {
             physics_warning: None,
             round: 0,
             is_done: false,
-            pool: needs_pool.then(|| thread_pool(threads)),
+            pool: needs_pool.then(|| thread_pool(threads, "agents")),
             settings,
         };
         trainer.is_done = trainer.measures_say_done();
@@ -282,14 +283,6 @@ impl Trainer {
     pub fn replay_mut(&mut self) -> Option<&mut Replay> {
         self.learning.team_mut().replay_mut()
     }
-}
-
-fn thread_pool(threads: usize) -> ThreadPool {
-    ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .thread_name(|index| format!("agents-{index}"))
-        .build()
-        .expect("the system starts threads")
 }
 
 /// Groups whose agents are numbered consecutively from `first_agent` on.
