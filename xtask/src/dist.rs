@@ -18,7 +18,7 @@ const COMPLETIONS: [(&str, &str); 3] = [
 ];
 
 /// Maximum size of the archive and of the program, in bytes.
-const MAX_SIZE: u64 = 41_000_000;
+const MAX_SIZE: u64 = 40_000_000;
 
 /// Builds the program, writes the archive to `target/dist`, and installs it in a temporary directory.
 pub(super) fn dist() -> Result<(), String> {
