@@ -24,18 +24,32 @@ fn commands(page: &str) -> Vec<String> {
     commands
         .filter(|line| line.starts_with("seedbed "))
         .filter(|line| !NOT_RUN.iter().any(|part| line.contains(part)))
-        .map(shortened)
+        .map(without_whole_studies)
         .collect()
 }
 
 /// A whole study takes minutes.
-fn shortened(line: &str) -> String {
+fn without_whole_studies(line: &str) -> String {
     let runs_all =
         line.starts_with("seedbed study scenarios") || line.starts_with("seedbed study run");
     if runs_all && !line.contains(" --") {
         line.replacen(".ron", ".ron --quick", 1)
     } else {
         line.to_owned()
+    }
+}
+
+/// Runs of a few episodes: that agents learn in the scenarios of this repository is what other tests show.
+fn with_short_runs(line: &str) -> String {
+    let short = "--set 'stop=Episodes(30)'";
+    if line.contains("/tabular/") {
+        line.to_owned()
+    } else if line.contains("stop=Episodes(200)") {
+        line.replace("Episodes(200)", "Episodes(30)")
+    } else if line.starts_with("seedbed run ") && !line.contains("stop=") {
+        line.replacen("seedbed run", &format!("seedbed run {short}"), 1)
+    } else {
+        line.replacen("--seeds 10 ", &format!("--seeds 2 {short} "), 1)
     }
 }
 
@@ -49,9 +63,18 @@ fn copy_to(paths: &[&str], folder: &Path) {
     assert!(copy.status().unwrap().success());
 }
 
-/// Runs all commands of a page in one shell, in a directory with the files of the repository that
-/// commands name. Returns that directory.
+/// Runs all commands of a page, with [short runs](with_short_runs).
 fn run_commands(page: &str, at_least: usize) -> tempfile::TempDir {
+    let commands: Vec<String> = commands(page)
+        .iter()
+        .map(|line| with_short_runs(line))
+        .collect();
+    assert!(commands.len() >= at_least, "{page}: {commands:?}");
+    run_in_repository_files(page, &commands)
+}
+
+/// Runs commands of a page in one shell, in a directory with the files of the repository that they name. Returns that directory.
+fn run_in_repository_files(page: &str, commands: &[String]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     copy_to(&["envs", "scenarios"], folder.path());
     // Without the runs and studies that this checkout may have made.
@@ -59,8 +82,6 @@ fn run_commands(page: &str, at_least: usize) -> tempfile::TempDir {
     let recordings = folder.path().join("recordings");
     std::fs::create_dir(&recordings).unwrap();
     copy_to(&["recordings/README.md", "recordings/sample"], &recordings);
-    let commands = commands(page);
-    assert!(commands.len() >= at_least, "{page}: {commands:?}");
     let binary = Path::new(env!("CARGO_BIN_EXE_seedbed")).parent().unwrap();
     let path = format!("{}:{}", binary.display(), std::env::var("PATH").unwrap());
     let output = Command::new("sh")
@@ -107,7 +128,9 @@ fn pictures_of_the_gallery_are_those_of_its_commands() {
 
 #[test]
 fn commands_of_the_readme_work() {
-    run_commands("README.md", 6);
+    let commands = commands("README.md");
+    assert!(commands.len() >= 6, "{commands:?}");
+    run_in_repository_files("README.md", &commands);
 }
 
 #[test]
