@@ -81,7 +81,9 @@ pub(super) fn init(folder: &Path) -> Result<(), CliError> {
         );
     }
     say!("  seedbed run {FIRST_NAME}");
+    say!("  seedbed explore recordings/{FIRST_NAME}");
     say!("  seedbed plot recordings/{FIRST_NAME} --out run.png");
+    say!("  seedbed film recordings/{FIRST_NAME}");
     Ok(())
 }
 
@@ -94,8 +96,11 @@ pub(super) fn new(args: &NewArgs) -> Result<(), CliError> {
             let environment = args.environment.as_deref().unwrap_or("cartpole");
             let folder = nearest(Directory::Scenarios);
             let environment = if let Some(id) = environment.strip_prefix(GYMNASIUM) {
-                // What is wrong with the environment is told when the scenario is checked.
-                read_gymnasium(&args.name, &folder, id)?.0
+                let (text, task) = read_gymnasium(&args.name, &folder, id)?;
+                if let Err(error) = task {
+                    note!("{}", not_tried(&error));
+                }
+                text
             } else {
                 check_exists(environment, Directory::Environments)?;
                 format!("{environment:?}")
@@ -119,6 +124,16 @@ pub(super) fn new(args: &NewArgs) -> Result<(), CliError> {
         }
     };
     write_all(&[file])
+}
+
+/// What is wrong with the environment of a new scenario, which may lack settings therefore.
+fn not_tried(error: &InputError) -> String {
+    let reason = error.message.lines().next().unwrap_or_default();
+    let help = error.help.iter().map(|help| format!("; {help}"));
+    format!(
+        "warning    the environment could not be tried, so the scenario may lack what it needs, such as `time_limit`: {reason}{}",
+        help.collect::<String>()
+    )
 }
 
 /// A task to start from, or an environment of Gymnasium with all that Python says of it.

@@ -254,6 +254,12 @@ fn print_claims(results: &Results, claim_results: &[ClaimResult]) {
             claim_result.verdict_text(),
             claim.text
         );
+        say!(
+            "{:<verdict_width$} {}: {}",
+            "",
+            study.measure_of(claim).title(),
+            report::effect_found(claim_result)
+        );
         let note = report::note_about_claim(results, claim, claim_result);
         if !note.is_empty() {
             say!("{:<verdict_width$} {note}", "");

@@ -504,7 +504,7 @@ fn no_signal_hint(summary: &Summary, episodes: &Path) -> Option<String> {
     is_suspicious.then(|| {
         format!(
             "all {count} returns are {value}: agents had nothing to learn from, except bonuses if they have any; \
-             docs/learning_problems.md says what to change"
+             the page docs/learning_problems.md says what to change, such as a bonus for exploration"
         )
     })
 }

@@ -13,16 +13,22 @@ mod pictures;
 mod policy;
 mod simulation;
 mod timeline;
+mod visits;
 
 use std::path::PathBuf;
+
+use indicatif::HumanCount;
 
 use self::bodies::Bodies;
 use self::pictures::Pictures;
 use self::timeline::{ShownEpisode, Timeline};
+use self::visits::Visits;
 use crate::plotting;
 use crate::record::visitation::Unplaced;
 use crate::record::{ReadError, RecordedStates};
-use crate::review::selection::{EpisodeSelection, SelectedState, SelectedStates, StateSelection};
+use crate::review::selection::{
+    EpisodeSelection, GRID_CELLS, SelectedState, SelectedStates, StateSelection,
+};
 use crate::review::{LoadRunError, LoadedRun};
 use crate::run::facts::EpisodeRow;
 use crate::run::facts::returns::team_returns;
@@ -31,8 +37,8 @@ use crate::run::{Plan, RunError};
 use seedbed_env::{Physics, TaskDescription, TaskSpec};
 use seedbed_figure::color::{TEAM_COLOR, agent_color};
 use seedbed_figure::{
-    Axis, Curves, Figure, Key, Panel, ParallelCoordinates, Pixels, RenderError, Row, Scatter,
-    ScatterPoint, Series, StateLine, States,
+    Axis, Cells, Curves, Figure, HeatMap, Key, Panel, ParallelCoordinates, Pixels, RenderError,
+    Row, Series, StateLine, States,
 };
 use seedbed_input::InputError;
 
@@ -141,7 +147,9 @@ pub struct Film {
 struct Training {
     axes: Vec<Axis>,
     /// A sample of visited states of all agents, in the order of episodes.
-    states: Vec<(u32, SelectedState)>,
+    sample: Vec<(u32, SelectedState)>,
+    /// Numbers of all visited states: of each agent in a group of its own, or of all agents together.
+    visits: Visits,
     /// Returns of each agent.
     returns: Vec<Vec<f64>>,
     team_returns: Vec<f64>,
@@ -169,7 +177,7 @@ const MAX_LINES: usize = 600;
 const MAX_AXES: usize = 100;
 
 /// Maximum number of agents with a map of their own.
-const MAX_AGENT_MAPS: u32 = 4;
+const MAX_AGENT_MAPS: usize = 4;
 
 /// Maximum number of agents with a curve of their own.
 const MAX_AGENT_CURVES: usize = 16;
@@ -226,6 +234,18 @@ impl Film {
     ) -> Result<Self, FilmError> {
         let (recording, agent_count) = (filmed.recording, filmed.agent_count);
         let axes = recording.axes();
+        let motion = Motion::of(&filmed, settings)?;
+        let returns = |agent: u32| {
+            let rows = filmed.episodes.iter().filter(move |row| row.agent == agent);
+            rows.map(|row| row.r#return).collect()
+        };
+        let returns: Vec<Vec<f64>> = (0..agent_count as u32).map(returns).collect();
+        let frames = 0..settings.frame_count();
+        let shown = frames.map(|frame| motion.episode_at(frame, settings, last_episode(&returns)));
+        let has_maps_of_agents =
+            axes.all().len() == 2 && motion.timeline().is_none() && agent_count <= MAX_AGENT_MAPS;
+        let groups = if has_maps_of_agents { agent_count } else { 1 };
+        let mut visits = Visits::new(shown.collect(), groups, &axes);
         let selection = StateSelection {
             episodes: EpisodeSelection::all(),
             conditions: Vec::new(),
@@ -234,18 +254,18 @@ impl Film {
             pairs: Vec::new(),
             all_axes: axes,
         };
-        let selected = selection.select(recording, |_| on_episode())?;
-        let returns = |agent: u32| {
-            let rows = filmed.episodes.iter().filter(move |row| row.agent == agent);
-            rows.map(|row| row.r#return).collect()
-        };
+        let selected = selection.select(recording, |episode| {
+            visits.add(episode);
+            on_episode();
+        })?;
         Ok(Self {
             settings,
-            motion: Motion::of(&filmed, settings)?,
+            motion,
             training: Some(Training {
                 axes: axes_of_film(&selection, &selected),
-                states: in_order_of_episodes(selected),
-                returns: (0..agent_count as u32).map(returns).collect(),
+                sample: in_order_of_episodes(selected),
+                visits: visits.sum_up(),
+                returns,
                 team_returns: team_returns(filmed.episodes, agent_count),
             }),
             title: filmed.title,
@@ -292,12 +312,10 @@ impl Film {
         let rows = match &self.training {
             None => vec![row(self.motion.height(), motion.into_iter().collect())],
             Some(training) => {
-                let episode = self.episode_at(number, training);
+                let last = last_episode(&training.returns);
+                let episode = self.motion.episode_at(number, self.settings, last);
                 let curves = Panel::Curves(training.curves(episode));
-                let states = match motion {
-                    None => training.visited_states_of_agents(episode),
-                    Some(_) => vec![training.visited_states(episode)],
-                };
+                let states = training.visited_states(episode);
                 let above = motion.into_iter().chain(states).collect();
                 let mut rows = vec![row(230.0, above), row(120.0, vec![curves])];
                 rows.extend(training.key());
@@ -311,17 +329,6 @@ impl Film {
             rows,
         }
     }
-
-    /// The newest episode of which a frame shows states and returns. It grows evenly between the
-    /// episodes whose motion is shown.
-    fn episode_at(&self, frame: usize, training: &Training) -> u32 {
-        let last = training.last_episode();
-        if let Some(timeline) = self.motion.timeline() {
-            return timeline.episode_at(frame, last);
-        }
-        let position = (frame + 1) as f64 / self.frame_count().max(1) as f64;
-        (position * f64::from(last)) as u32
-    }
 }
 
 fn row(height: f64, panels: Vec<Panel>) -> Row {
@@ -332,13 +339,13 @@ fn row(height: f64, panels: Vec<Panel>) -> Row {
     }
 }
 
-impl Training {
-    /// Number of the last episode of any agent.
-    fn last_episode(&self) -> u32 {
-        let episodes = self.returns.iter().map(Vec::len).max().unwrap_or(0);
-        episodes.max(1) as u32 - 1
-    }
+/// Number of the last episode of any agent.
+fn last_episode(returns: &[Vec<f64>]) -> u32 {
+    let episodes = returns.iter().map(Vec::len).max().unwrap_or(0);
+    episodes.max(1) as u32 - 1
+}
 
+impl Training {
     /// The colors of agents and of the mean; `None` for a single agent.
     fn key(&self) -> Option<Row> {
         let agents = self.returns.len() as u32;
@@ -347,58 +354,60 @@ impl Training {
         (agents > 1).then(|| Row::of_key(Key::Categories(names), FRAME_WIDTH))
     }
 
-    /// Maps of a few agents, beside each other; otherwise one panel of all.
-    fn visited_states_of_agents(&self, episode: u32) -> Vec<Panel> {
-        let agents = self.returns.len() as u32;
-        if self.axes.len() != 2 || agents > MAX_AGENT_MAPS {
-            return vec![self.visited_states(episode)];
-        }
-        let panel = |number| {
-            let states = self
-                .states
-                .iter()
-                .filter(move |(agent, _)| *agent == number);
-            let title = format!("agent {number}, episodes 0 to {episode}");
-            self.panel_of_states(title, episode, states)
+    /// A map of each group of agents if there are two axes; otherwise one panel with lines.
+    fn visited_states(&self, episode: u32) -> Vec<Panel> {
+        let position = self.visits.position(episode);
+        let [x, y] = &self.axes[..] else {
+            return vec![self.lines(position)];
         };
-        (0..agents).map(panel).collect()
-    }
-
-    fn visited_states(&self, episode: u32) -> Panel {
-        let title = format!("visited states of all agents, episodes 0 to {episode}");
-        self.panel_of_states(title, episode, self.states.iter())
-    }
-
-    /// A map of two axes, or parallel coordinates, of the states up to an episode.
-    fn panel_of_states<'a>(
-        &self,
-        title: String,
-        episode: u32,
-        states: impl Iterator<Item = &'a (u32, SelectedState)>,
-    ) -> Panel {
-        let visited = states.take_while(|(_, state)| state.episode <= episode);
-        if let [x, y] = &self.axes[..] {
-            let points = visited.map(|(agent, state)| ScatterPoint {
-                position: [0, 1]
-                    .map(|axis| self.axes[axis].value_at(state.selected_axis_positions[axis])),
-                color: agent_color(*agent),
-            });
-            return Panel::Scatter(Scatter {
-                title,
+        let groups = self.visits.groups();
+        let map = |group| self.visits.map(position, group).to_vec();
+        let maps: Vec<Vec<u32>> = (0..groups).map(map).collect();
+        let max_count = maps.iter().flatten().copied().max().unwrap_or(0);
+        let panel = |(group, counts)| {
+            Panel::HeatMap(HeatMap {
+                title: self.title(position, group, None),
                 x: x.clone(),
                 y: y.clone(),
-                points: points.collect(),
+                cells: Cells::Counts { counts, max_count },
+                columns: GRID_CELLS,
                 lines: Vec::new(),
-            });
-        }
-        let lines = visited.map(|(agent, state)| StateLine {
+            })
+        };
+        (0..).zip(maps).map(panel).collect()
+    }
+
+    /// Such as `agent 2, episodes 0 to 30: 1,234 states`, or how many states of all are drawn.
+    fn title(&self, position: usize, group: usize, drawn: Option<usize>) -> String {
+        let agents = if self.returns.len() == self.visits.groups() {
+            format!("agent {group}")
+        } else {
+            "visited states of all agents".to_owned()
+        };
+        let last = self.visits.episode(position);
+        let states = HumanCount(self.visits.states(position, group));
+        let of = drawn.map_or(String::new(), |drawn| {
+            format!("{} of ", HumanCount(drawn as u64))
+        });
+        format!("{agents}, episodes 0 to {last}: {of}{states} states")
+    }
+
+    /// Parallel coordinates of the sampled states up to the episode at this position.
+    fn lines(&self, position: usize) -> Panel {
+        let last = self.visits.episode(position);
+        let visited = self
+            .sample
+            .iter()
+            .take_while(|(_, state)| state.episode <= last);
+        let line = |(agent, state): &(u32, SelectedState)| StateLine {
             axis_positions: state.selected_axis_positions.clone(),
             color: agent_color(*agent),
-        });
+        };
+        let lines: Vec<StateLine> = visited.map(line).collect();
         Panel::ParallelCoordinates(ParallelCoordinates {
-            title,
+            title: self.title(position, 0, Some(lines.len())),
             axes: self.axes.clone(),
-            states: States::Lines(lines.collect()),
+            states: States::Lines(lines),
         })
     }
 
@@ -444,7 +453,7 @@ impl Training {
             x_label: "episode".to_owned(),
             y_label: self.label_of_returns(),
             series,
-            x_range: Some([0.0, f64::from(self.last_episode().max(1))]),
+            x_range: Some([0.0, f64::from(last_episode(&self.returns).max(1))]),
             y_range: (low < high).then_some([low, high]),
             ..Curves::default()
         }
@@ -525,6 +534,16 @@ impl Motion {
             Ok((timeline, bodies)) => Self::Bodies(timeline, bodies),
             Err(reason) => Self::None(reason),
         })
+    }
+
+    /// The newest episode of which a frame shows states and returns. It grows evenly between the episodes whose motion is shown.
+    /// `last`: the last episode of the run
+    fn episode_at(&self, frame: usize, settings: FilmSettings, last: u32) -> u32 {
+        if let Some(timeline) = self.timeline() {
+            return timeline.episode_at(frame, last);
+        }
+        let position = (frame + 1) as f64 / settings.frame_count().max(1) as f64;
+        (position * f64::from(last)) as u32
     }
 
     fn timeline(&self) -> Option<&Timeline> {

@@ -211,21 +211,25 @@ impl SelectedStates {
     }
 
     fn count_pairs(&mut self, axis_positions: &[f32], pairs: &[[usize; 2]]) {
-        let cell = |axis: usize| {
-            let position = axis_positions[axis];
-            let cell = ((position * GRID_CELLS as f32) as usize).min(GRID_CELLS - 1);
-            (!position.is_nan()).then_some(cell)
-        };
-        for (grid, [first, second]) in self
-            .grids
-            .chunks_exact_mut(GRID_CELLS * GRID_CELLS)
-            .zip(pairs)
-        {
-            if let (Some(row), Some(column)) = (cell(*second), cell(*first)) {
-                grid[row * GRID_CELLS + column] += 1;
+        let grids = self.grids.chunks_exact_mut(GRID_CELLS * GRID_CELLS);
+        for (grid, pair) in grids.zip(pairs) {
+            if let Some(cell) = cell_of_pair(axis_positions, *pair) {
+                grid[cell] += 1;
             }
         }
     }
+}
+
+/// The cell of a state in the grid over a pair of axes, whose rows are cells of the second axis; `None` if it is NaN on one of them.
+/// `axis_positions`: its position on every axis, from 0 to 1, or NaN
+#[must_use]
+pub fn cell_of_pair(axis_positions: &[f32], [first, second]: [usize; 2]) -> Option<usize> {
+    let cell = |axis: usize| {
+        let position = axis_positions[axis];
+        let cell = ((position * GRID_CELLS as f32) as usize).min(GRID_CELLS - 1);
+        (!position.is_nan()).then_some(cell)
+    };
+    Some(cell(second)? * GRID_CELLS + cell(first)?)
 }
 
 /// Whether the state `index` of `count` states belongs to a sample of `sample_size` states: one of each of as

@@ -185,7 +185,10 @@ fn options(args: &ScriptArgs) -> Result<String, CliError> {
     ];
     let given = options.iter().filter(|(is_given, _)| *is_given);
     let given: String = given.map(|(_, option)| *option).collect();
-    match given_python() {
+    // Machines of a cluster need not have the variables of this one.
+    let of_environment = std::env::var_os("SEEDBED_PYTHON").filter(|name| !name.is_empty());
+    let of_environment = of_environment.map(PathBuf::from);
+    match given_python().or(of_environment.as_deref()) {
         // A program without a folder is looked up by its name.
         Some(python) if python.components().count() == 1 => {
             let name = python.display().to_string();

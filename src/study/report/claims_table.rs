@@ -139,6 +139,15 @@ fn caveats(results: &Results) -> String {
     }
 }
 
+/// The effect with its interval and the values of both cells, such as `−0.25 (−0.4 to −0.1), 0.7 against 0.95`, or `no runs`.
+#[must_use]
+pub fn effect_found(claim_result: &ClaimResult) -> String {
+    match &claim_result.comparison {
+        Some(comparison) => format::effect(comparison, claim_result.interval),
+        None => "no runs".to_owned(),
+    }
+}
+
 fn row(results: &Results, claim: &Claim, claim_result: &ClaimResult) -> String {
     let (first, second) = (claim.compare.0.as_str(), claim.compare.1.as_str());
     let measure = results.study.measure_of(claim).title();
@@ -146,10 +155,7 @@ fn row(results: &Results, claim: &Claim, claim_result: &ClaimResult) -> String {
         "{measure}: {first} − {second}, claimed {}",
         format::claimed_effect(claim)
     );
-    let found = match &claim_result.comparison {
-        Some(comparison) => format::effect(comparison, claim_result.interval),
-        None => "no runs".to_owned(),
-    };
+    let found = effect_found(claim_result);
     let n = match claim_result.comparison.map(|comparison| comparison.n) {
         Some([first, second]) if first == second => first.to_string(),
         Some([first, second]) => format!("{first}, {second}"),

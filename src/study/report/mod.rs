@@ -10,7 +10,7 @@ mod states;
 pub mod submission;
 mod tables;
 
-pub use claims_table::note_about_claim;
+pub use claims_table::{effect_found, note_about_claim};
 pub use format::summarize_claims;
 use tables::Table;
 

@@ -60,12 +60,27 @@ fn the_readme_of_a_workspace_has_commands_that_work() {
         .filter_map(|line| line.strip_prefix("    seedbed "))
         .map(|line| line.split('#').next().unwrap().trim_end())
         .collect();
-    assert_eq!(commands.len(), 4);
+    assert_eq!(commands.len(), 6);
     for line in commands {
         let quick = line.starts_with("study").then_some("--quick");
         let arguments: Vec<&str> = line.split(' ').chain(quick).collect();
         successful_in(folder.path(), &arguments);
     }
+}
+
+/// Without the time limit that Python would tell, the scenario may be wrong.
+#[test]
+fn a_scenario_of_an_environment_that_cannot_be_tried_comes_with_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["new", "scenario", "mine", "--env", "gymnasium:Mine-v0"];
+    let mut command = command(&arguments);
+    command.env("SEEDBED_PYTHON", "/missing/python");
+    let output = command.current_dir(folder.path()).output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    let warning = "warning    the environment could not be tried, so the scenario may lack what it needs, such as `time_limit`: ";
+    let said = stderr(&output);
+    assert!(said.starts_with(warning), "{said}");
+    assert!(said.contains("SEEDBED_PYTHON"), "{said}");
 }
 
 #[test]

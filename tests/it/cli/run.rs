@@ -405,7 +405,7 @@ fn a_run_without_a_signal_says_what_to_read() {
     for (reward, hint) in [
         (
             "0",
-            "note       all 12 returns are 0: agents had nothing to learn from, except bonuses if they have any; docs/learning_problems.md says what to change\n",
+            "note       all 12 returns are 0: agents had nothing to learn from, except bonuses if they have any; the page docs/learning_problems.md says what to change, such as a bonus for exploration\n",
         ),
         ("1", ""),
     ] {

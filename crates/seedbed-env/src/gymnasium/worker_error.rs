@@ -56,7 +56,7 @@ impl WorkerError {
             Self::Python(error) => error.help.as_ref().map(|help| {
                 let python = python();
                 format!(
-                    "{help} (Python is {}; `--python` names another)",
+                    "{help} (Python is {}; `--python` or SEEDBED_PYTHON names another)",
                     python.display()
                 )
             }),
