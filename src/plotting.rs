@@ -1,5 +1,6 @@
 //! Helpers for figures of runs and figures of studies.
 
+use indicatif::HumanCount;
 use seedbed_env::Quantity;
 use seedbed_figure::color::{AGENT_COLORS, OTHERS_COLOR, agent_color};
 use seedbed_figure::{Axis, Color};
@@ -18,6 +19,17 @@ pub fn names_of_agents(agents: impl IntoIterator<Item = u32>) -> Vec<(String, Co
         }
     }
     names
+}
+
+/// How many of all states are drawn, such as `1,000 of 1,234 states`, or `1,234 states` if all are.
+#[must_use]
+pub fn number_of_states(drawn: u64, all: u64) -> String {
+    let states = format!("{} states", HumanCount(all));
+    if drawn < all {
+        format!("{} of {states}", HumanCount(drawn))
+    } else {
+        states
+    }
 }
 
 /// The axis of a figure of states, of which these shares are below the display range, above it, and NaN.

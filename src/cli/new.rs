@@ -129,10 +129,10 @@ pub(super) fn new(args: &NewArgs) -> Result<(), CliError> {
 /// What is wrong with the environment of a new scenario, which may lack settings therefore.
 fn not_tried(error: &InputError) -> String {
     let reason = error.message.lines().next().unwrap_or_default();
-    let help = error.help.iter().map(|help| format!("; {help}"));
+    let help = error.help.as_ref();
+    let help = help.map_or(String::new(), |help| format!("; {help}"));
     format!(
-        "warning    the environment could not be tried, so the scenario may lack what it needs, such as `time_limit`: {reason}{}",
-        help.collect::<String>()
+        "warning    the environment could not be tried, so the scenario may lack what it needs, such as `time_limit`: {reason}{help}"
     )
 }
 

@@ -17,8 +17,6 @@ mod visits;
 
 use std::path::PathBuf;
 
-use indicatif::HumanCount;
-
 use self::bodies::Bodies;
 use self::pictures::Pictures;
 use self::timeline::{ShownEpisode, Timeline};
@@ -366,7 +364,7 @@ impl Training {
         let max_count = maps.iter().flatten().copied().max().unwrap_or(0);
         let panel = |(group, counts)| {
             Panel::HeatMap(HeatMap {
-                title: self.title(position, group, None),
+                title: self.title(position, group, u64::MAX),
                 x: x.clone(),
                 y: y.clone(),
                 cells: Cells::Counts { counts, max_count },
@@ -377,19 +375,16 @@ impl Training {
         (0..).zip(maps).map(panel).collect()
     }
 
-    /// Such as `agent 2, episodes 0 to 30: 1,234 states`, or how many states of all are drawn.
-    fn title(&self, position: usize, group: usize, drawn: Option<usize>) -> String {
+    /// Such as `agent 2, episodes 0 to 30: 1,234 states`. `drawn`: number of states that are drawn at most
+    fn title(&self, position: usize, group: usize, drawn: u64) -> String {
         let agents = if self.returns.len() == self.visits.groups() {
             format!("agent {group}")
         } else {
             "visited states of all agents".to_owned()
         };
         let last = self.visits.episode(position);
-        let states = HumanCount(self.visits.states(position, group));
-        let of = drawn.map_or(String::new(), |drawn| {
-            format!("{} of ", HumanCount(drawn as u64))
-        });
-        format!("{agents}, episodes 0 to {last}: {of}{states} states")
+        let states = plotting::number_of_states(drawn, self.visits.states(position, group));
+        format!("{agents}, episodes 0 to {last}: {states}")
     }
 
     /// Parallel coordinates of the sampled states up to the episode at this position.
@@ -405,7 +400,7 @@ impl Training {
         };
         let lines: Vec<StateLine> = visited.map(line).collect();
         Panel::ParallelCoordinates(ParallelCoordinates {
-            title: self.title(position, 0, Some(lines.len())),
+            title: self.title(position, 0, lines.len() as u64),
             axes: self.axes.clone(),
             states: States::Lines(lines),
         })

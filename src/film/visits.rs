@@ -47,6 +47,7 @@ impl Visits {
         if position == self.episodes.len() {
             return;
         }
+        // Each agent is a group of its own, or all are the group 0.
         let group = episode.agent as usize % self.groups;
         let counter = position * self.groups + group;
         self.states[counter] += episode.length() as u64 + 1;

@@ -10,7 +10,7 @@ use seedbed::input_files::{self, BUILTIN_FILES};
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::store::StudyFolder;
 use seedbed::text::shell_word;
-use seedbed_env::gymnasium::given_python;
+use seedbed_env::gymnasium::named_python;
 
 /// What a script says of its study. Words are quoted for the shell.
 struct JobScript {
@@ -186,15 +186,13 @@ fn options(args: &ScriptArgs) -> Result<String, CliError> {
     let given = options.iter().filter(|(is_given, _)| *is_given);
     let given: String = given.map(|(_, option)| *option).collect();
     // Machines of a cluster need not have the variables of this one.
-    let of_environment = std::env::var_os("SEEDBED_PYTHON").filter(|name| !name.is_empty());
-    let of_environment = of_environment.map(PathBuf::from);
-    match given_python().or(of_environment.as_deref()) {
+    match named_python() {
         // A program without a folder is looked up by its name.
         Some(python) if python.components().count() == 1 => {
             let name = python.display().to_string();
             Ok(format!("{given} --python {}", shell_word(&name)))
         }
-        Some(python) => Ok(format!("{given} --python {}", path_word(python)?)),
+        Some(python) => Ok(format!("{given} --python {}", path_word(&python)?)),
         None => Ok(given),
     }
 }

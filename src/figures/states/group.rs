@@ -3,7 +3,7 @@
 use super::colors::StateColors;
 use crate::figures::runs::PlottedRun;
 use crate::figures::settings::FigureSettings;
-use crate::plotting::{are_coordinates, axis_with_shares};
+use crate::plotting::{are_coordinates, axis_with_shares, number_of_states};
 use crate::record::visitation::Unplaced;
 use crate::review::selection::{GRID_CELLS, SelectedState, SelectedStates, is_sampled};
 use seedbed_env::Quantity;
@@ -53,21 +53,12 @@ impl<'a> StateGroup<'a> {
 
     /// Number of states, e.g. `1,234 states`.
     pub(super) fn state_count_text(&self) -> String {
-        format!("{} states", indicatif::HumanCount(self.state_count()))
+        number_of_states(self.state_count(), self.state_count())
     }
 
     /// Number of states in the sample, e.g. `1,000 of 1,234 states`.
     pub(super) fn sample_size_text(&self, settings: &FigureSettings) -> String {
-        let (count, max_drawn) = (self.state_count(), u64::from(settings.max_lines));
-        if count <= max_drawn {
-            self.state_count_text()
-        } else {
-            format!(
-                "{} of {}",
-                indicatif::HumanCount(max_drawn),
-                self.state_count_text()
-            )
-        }
+        number_of_states(u64::from(settings.max_lines), self.state_count())
     }
 
     /// The pairs of axes of scatter plots, as indices among all axes.

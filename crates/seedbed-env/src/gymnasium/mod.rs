@@ -34,7 +34,7 @@ pub use self::file::{DiscreteObservations, GymnasiumFile, is_complete};
 pub use self::found::{Found, FoundAction, FoundObservation};
 pub use self::notice::set_notice;
 pub use self::pictures::{PictureSource, PictureTaken};
-pub use self::python::{given_python, python, set_python};
+pub use self::python::{named_python, python, set_python};
 pub use self::task::{ADD_TIME_LIMIT, GymnasiumTask, parse};
 pub use self::waiting::time_waited;
 

@@ -13,25 +13,32 @@ pub fn set_python(interpreter: &Path) {
     let _ = GIVEN.set(interpreter.to_owned());
 }
 
-/// What [`set_python`] was called with.
+/// The interpreter that somebody named, by [`set_python`] or else by `SEEDBED_PYTHON`.
 #[must_use]
-pub fn given_python() -> Option<&'static Path> {
-    GIVEN.get().map(PathBuf::as_path)
+pub fn named_python() -> Option<PathBuf> {
+    let given = GIVEN.get().cloned();
+    given.or_else(|| named(variable_of_process))
 }
 
-/// The interpreter of workers: that of [`set_python`], of `SEEDBED_PYTHON`, of the active virtual
+/// The interpreter of workers: the [named one](named_python), that of the active virtual
 /// environment (`VIRTUAL_ENV` or `CONDA_PREFIX`), or `python3`.
 #[must_use]
 pub fn python() -> PathBuf {
-    if let Some(given) = GIVEN.get() {
-        return given.clone();
-    }
-    choose(|name| std::env::var_os(name).filter(|value| !value.is_empty()))
+    let given = GIVEN.get().cloned();
+    given.unwrap_or_else(|| choose(variable_of_process))
+}
+
+fn variable_of_process(name: &str) -> Option<OsString> {
+    std::env::var_os(name).filter(|value| !value.is_empty())
+}
+
+fn named(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
+    variable("SEEDBED_PYTHON").map(PathBuf::from)
 }
 
 fn choose(variable: impl Fn(&str) -> Option<OsString>) -> PathBuf {
-    if let Some(interpreter) = variable("SEEDBED_PYTHON") {
-        return interpreter.into();
+    if let Some(interpreter) = named(&variable) {
+        return interpreter;
     }
     for name in ["VIRTUAL_ENV", "CONDA_PREFIX"] {
         let interpreter = variable(name).map(|folder| Path::new(&folder).join("bin/python"));
