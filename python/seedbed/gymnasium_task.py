@@ -16,6 +16,8 @@ from .ron import Expression, struct, with_lists
 ID = re.compile(r"[\w.\-/]+-v\d+|[\w.]+:[\w.\-/]+|.+\.py:\w+")
 """Names that only environments of Gymnasium have: with a version, of a module or of a file of Python."""
 
+PLACE_OF_ID = re.compile(r"environment( \S+| with set)?(:\d+:\d+)?: in `(environment\.)?id`: ")
+
 
 @dataclass(frozen=True, repr=False)
 class Gymnasium:
@@ -101,6 +103,21 @@ class Gymnasium:
         given = {field.name: getattr(self, field.name) for field in fields(self)}
         given = {name: value for name, value in given.items() if value is not None and name != "id"}
         return f"Gymnasium({', '.join([repr(self.id), *(f'{name}={value!r}' for name, value in given.items())])})"
+
+
+def in_python_words(message: str, name: str) -> str:
+    """An error in the text of a task that was written for one call: it names the environment, not the place of its id in that text.
+
+    Example:
+        >>> print(in_python_words("environment with set: in `environment.id`: the environment fails\\n  | id: \"a.py:B\"\\n  |      ^\\n  = help: …", "B"))
+        environment B: the environment fails
+          = help: …
+    """
+    place = PLACE_OF_ID.match(message)
+    if place:
+        lines = message[place.end() :].splitlines()
+        message = f"environment {name}: " + "\n".join(line for line in lines if not line.startswith("  |"))
+    return message.replace("add `time_limit: 1000`", "`seedbed.Gymnasium(environment, time_limit=1000)`")
 
 
 def known_id(environment: Any) -> Any:

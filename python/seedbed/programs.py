@@ -21,7 +21,8 @@ INVALID_INPUT = 2
 """Exit status of the program if what it was given is wrong."""
 
 _SWITCHES = re.compile(r"--(resume|overwrite|other-versions)\b")
-_OPTIONS = re.compile(r"--(out|set|seed|agents|episodes|jobs|threads|runs|what)\b")
+_PARTS = re.compile(r"--what (returns(?:,\w+)*)")
+_OPTIONS = re.compile(r"--(out|set|seed|agents|episodes|jobs|threads|runs|what|axes|where|width|height)\b")
 """Options of the program that are arguments of the functions of this package with the same name."""
 
 
@@ -107,7 +108,10 @@ def in_python(message: str) -> str:
     Example:
         >>> in_python("it contains a run; choose another --out directory, or --overwrite to replace it")
         'it contains a run; choose another out directory, or overwrite=True to replace it'
+        >>> in_python("run is not recorded; use --what returns,curves, which needs only the tables")
+        "run is not recorded; use what=['returns', 'curves'], which needs only the tables"
     """
+    message = _PARTS.sub(lambda parts: f"what={parts[1].split(',')}", message)
     message = _SWITCHES.sub(lambda switch: f"{switch[1].replace('-', '_')}=True", message)
     return _OPTIONS.sub(r"\1", message)
 

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 from . import programs
 from .errors import RunError
 from .frames import Frames, choose, read_csv
-from .gymnasium_task import Gymnasium, known_id
+from .gymnasium_task import Gymnasium, in_python_words, known_id
 from .notebooks import Figure, Page, Text, is_notebook, updated_output
 from .ron import Expression, quoted, struct
 from .training import Environment, python_path_of, task_name, task_text
@@ -57,7 +57,8 @@ def check(what: Environment | Mapping[str, Any], *others: File) -> Text:
     """
     with tempfile.TemporaryDirectory(prefix="seedbed-") as name:
         folder = Path(name)
-        path = _written(what, folder)
+        path = Path(_written(what, folder))
+        is_task = path.parent == folder and not isinstance(what, Mapping)
         printed: list[str] = []
         errors: list[str] = []
         try:
@@ -65,8 +66,14 @@ def check(what: Environment | Mapping[str, Any], *others: File) -> Text:
                 ["check", path, *others], on_line=printed.append, on_message=errors.append, python_path=_python_path(what)
             )
         except RunError as error:
-            raise type(error)(None, error.message.replace(f"{folder}{os.sep}", "")) from None
-        return Text("\n".join([*printed, *errors]).replace(f"{folder}{os.sep}", ""))
+            message = error.message
+            if is_task:
+                message = re.sub(rf"{re.escape(str(path))}(:\d+:\d+)?", f"environment {path.stem}", message)
+                message = in_python_words(message, path.stem)
+            raise type(error)(None, message.replace(f"{folder}{os.sep}", "")) from None
+        text = "\n".join([*printed, *errors])
+        text = text.replace(str(path), path.stem) if is_task else text
+        return Text(text.replace(f"{folder}{os.sep}", ""))
 
 
 def study(

@@ -117,7 +117,7 @@ class TestChecks:
             return gymnasium.make("CartPole-v1")
 
         found = seedbed.check(seedbed.Gymnasium(make_pole, names=["x", "v", "angle", "turning"], probe_steps=100))
-        assert found.startswith("ok: make_pole.ron: environment; observations x, v, angle, turning")
+        assert found.startswith("ok: make_pole: environment; observations x, v, angle, turning")
         assert "study with 2 cells, 5 runs each, and 1 claim" in seedbed.check(STUDY)
 
     def test_errors(self):
@@ -126,7 +126,18 @@ class TestChecks:
         assert "error:" not in str(caught.value)
         with pytest.raises(seedbed.InputError, match="names") as caught:
             seedbed.check(seedbed.Gymnasium("CartPole-v1", names=["x"], probe_steps=100))
-        assert str(caught.value).startswith("CartPole-v1.ron:1:"), caught.value
+        assert str(caught.value).startswith("environment CartPole-v1: in `names`"), caught.value
+
+        class Endless(gymnasium.Env[Any, Any]):
+            observation_space = gymnasium.spaces.Box(-1, 1, (2,))
+            action_space = gymnasium.spaces.Discrete(2)
+
+        with pytest.raises(seedbed.InputError) as caught:
+            seedbed.check(Endless)
+        assert str(caught.value) == (
+            "environment Endless: the environment says no time limit; each episode needs one\n"
+            "  = help: `seedbed.Gymnasium(environment, time_limit=1000)`"
+        )
 
 
 def test_results_of_others_begin_in_the_working_directory(tmp_path: Path):

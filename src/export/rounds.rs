@@ -7,6 +7,7 @@ use crate::run::measures::{Measures, RoundRows};
 use seedbed_env::{Action, Choice, Quantity, TaskSpec};
 use seedbed_learn::agent::UpdateReport;
 use seedbed_learn::experience::Episode;
+use seedbed_learn::team::Workers;
 
 /// Time between two actions if the files do not have it, s.
 const DEFAULT_STEP_SECONDS: f64 = 0.02;
@@ -34,7 +35,8 @@ pub(super) fn for_each(
         let reports: Vec<(u32, UpdateReport)> = agents
             .map(|agent| (agent, UpdateReport::default()))
             .collect();
-        let rows = measures.add_round(spec, round, &episodes, &reports);
+        let workers = Workers::CURRENT_THREAD;
+        let rows = measures.add_round(spec, round, &episodes, &reports, workers);
         action(round, &episodes, rows)?;
     }
     Ok(())

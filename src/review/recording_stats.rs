@@ -13,6 +13,7 @@ use crate::run::measures::first_visits::FirstRounds;
 use crate::run::measures::recent::LatestVisits;
 use crate::run::measures::visitation::{StateBins, Visitation, diversity_of_team, known_diversity};
 use seedbed_env::Quantity;
+use seedbed_learn::team::Workers;
 
 /// Maximum number of numbers that are kept in memory between both passes over the values: 128 MB.
 const MAX_KEPT_NUMBERS: usize = 1 << 25;
@@ -205,7 +206,11 @@ impl RecordingStats {
         let entropy: Vec<f64> = agents.iter().map(Visitation::entropy).collect();
         let overlap = |one: usize, other: usize| {
             let pair = [agents[one].clone(), agents[other].clone()];
-            let diversity = known_diversity(&pair, &[entropy[one], entropy[other]]);
+            let diversity = known_diversity(
+                &pair,
+                &[entropy[one], entropy[other]],
+                Workers::CURRENT_THREAD,
+            );
             diversity.map(|diversity| diversity.overlap)
         };
         let mut overlaps = vec![Some(1.0); agents.len() * agents.len()];

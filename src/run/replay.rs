@@ -53,7 +53,13 @@ pub fn replay(
         )?;
         let episodes: Vec<_> = played.episodes.iter().collect();
         let episode_rows = measures
-            .add_round(trainer.spec(), number, &episodes, &[])
+            .add_round(
+                trainer.spec(),
+                number,
+                &episodes,
+                &[],
+                Workers::CURRENT_THREAD,
+            )
             .episodes;
         recorder.record_round(&RoundRecord {
             round: number,

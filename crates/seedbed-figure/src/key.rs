@@ -4,7 +4,7 @@ use super::color::{self, Color, MUTED_COLOR};
 use super::font::{Weight, fit_text, text_width};
 use super::legend::{self, Entry};
 use super::panel_axes::{LABEL_SIZE, TICK_SIZE};
-use super::scale::{Scale, format_significant, log_position};
+use super::scale::{Scale, format_number, format_significant, log_position};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 use super::theme::Theme;
 
@@ -108,10 +108,11 @@ impl Key {
                 let scale = Scale::new(*range, [0.0, 1.0]);
                 let color_of: fn(Theme, f64) -> Color =
                     |theme, share| theme.color(color::sequential_color(share));
+                let ticks = ticks_with_ends(&scale, *range);
                 (
                     label,
                     color_of,
-                    placed(scale.ticks(4), |value| scale.position(value)),
+                    placed(ticks, |value| scale.position(value)),
                 )
             }
             Self::Shares {
@@ -252,6 +253,14 @@ fn widest<'a>(texts: impl Iterator<Item = &'a str>) -> f64 {
 fn width_of_bar<T>(ticks: &[(T, String)]) -> f64 {
     let texts = ticks.iter().map(|(_, text)| text.as_str());
     (widest(texts) + 38.0).max(78.0)
+}
+
+/// Ticks of a scale from 0 to 1: at its ends, and at round values that are not too close to them.
+fn ticks_with_ends(scale: &Scale, range: [f64; 2]) -> Vec<(f64, String)> {
+    let [low, high] = range.map(|end| (end, format_number(end)));
+    let inner = scale.ticks(4).into_iter();
+    let inner = inner.filter(|(value, _)| (0.1..0.9).contains(&scale.position(*value)));
+    std::iter::once(low).chain(inner).chain([high]).collect()
 }
 
 /// Ticks of a scale of differences up to `max`: square roots of shares of `max`, with labels.

@@ -232,8 +232,6 @@ fn margins_to_scale(area: &Rect, x_range: [f64; 2], y_range: [f64; 2]) -> [f64; 
     [0.0, right, bottom, 0.0]
 }
 
-/// Name and unit of an axis, with the shares of values that are not drawn at their place, such as
-/// `angle [rad] (NaN 30 %, outside 2 %)`.
 /// The label with the shares of values that have no place on the axis or, if that is too long, without them.
 fn axis_label_within(axis: &Axis, length: f64) -> String {
     let label = axis_label_with_shares(axis);
@@ -244,6 +242,8 @@ fn axis_label_within(axis: &Axis, length: f64) -> String {
     }
 }
 
+/// Name and unit of an axis, with the shares of values that are not drawn at their place, such as
+/// `angle [rad] (NaN 30 %, outside 2 %)`.
 fn axis_label_with_shares(axis: &Axis) -> String {
     let outside = axis.outside.iter().sum();
     let shares: Vec<String> = [("NaN", axis.nan), ("outside", outside)]

@@ -145,11 +145,8 @@ impl ParallelCoordinates {
                 continue;
             }
             let (tip, base) = (end + inward, end + inward * (MARK_HEIGHT - 2.0));
-            svg.polygon(
-                &[[x + 7.0, tip], [x + 3.0, base], [x + 11.0, base]],
-                MARK_COLOR,
-                1.0,
-            );
+            let corners = [[x + 7.0, tip], [x + 3.0, base], [x + 11.0, base]];
+            svg.polygon_with_rim(&corners, MARK_COLOR);
             let text = percent(share);
             if text_width(&text, MARK_HEIGHT, Weight::Regular) + 16.0 <= gap {
                 let middle = f64::midpoint(tip, base);

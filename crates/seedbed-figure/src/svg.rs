@@ -201,6 +201,20 @@ impl SvgWriter {
         self.push(format_args!("<path d=\"{path}\" fill=\"none\" {style}/>"));
     }
 
+    /// Attributes of a rim in the color of the page, which keeps a text or a mark legible on any other color.
+    fn rim(&self) -> String {
+        let color = self.hex([255; 3]);
+        format!(
+            " stroke=\"{color}\" stroke-opacity=\"0.8\" stroke-width=\"2.5\" stroke-linejoin=\"round\" paint-order=\"stroke\""
+        )
+    }
+
+    /// Draws a filled polygon with a rim.
+    pub(super) fn polygon_with_rim(&mut self, points: &[[f64; 2]], color: Color) {
+        let (path, color, rim) = (path(points), self.hex(color), self.rim());
+        self.push(format_args!("<path d=\"{path}Z\" fill=\"{color}\"{rim}/>"));
+    }
+
     /// Draws a filled polygon.
     pub(super) fn polygon(&mut self, points: &[[f64; 2]], color: Color, opacity: f64) {
         let (path, color, opacity) = (path(points), self.hex(color), format_length(opacity));
@@ -243,10 +257,7 @@ impl SvgWriter {
             String::new()
         };
         let rim = if text_style.has_rim {
-            format!(
-                " stroke=\"{}\" stroke-opacity=\"0.8\" stroke-width=\"2.5\" stroke-linejoin=\"round\" paint-order=\"stroke\"",
-                self.hex([255; 3])
-            )
+            self.rim()
         } else {
             String::new()
         };

@@ -3,6 +3,9 @@
 
 use seedbed_env::{Environment, Pose, SceneRope, Shape};
 
+/// Number of sides of the polygon that stands for a circle, which looks round at the sizes of films.
+const SIDES_OF_BALL: u8 = 32;
+
 /// The outline of a shape in its body's frame, m. `None` for open lines, which are left out of traces.
 #[must_use]
 pub fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
@@ -11,11 +14,11 @@ pub fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
             let point = |part: u8| {
                 rotated_and_shifted(
                     [*radius, 0.0],
-                    f32::from(part) * std::f32::consts::TAU / 16.0,
+                    f32::from(part) * std::f32::consts::TAU / f32::from(SIDES_OF_BALL),
                     *center,
                 )
             };
-            Some((0..=16).map(point).collect())
+            Some((0..=SIDES_OF_BALL).map(point).collect())
         }
         Shape::Box {
             center,

@@ -284,7 +284,7 @@ impl Inspected {
     /// update.
     fn evenness(&self, agent: u32) -> Option<f64> {
         self.visitation(agent)
-            .map(Visitation::evenness)
+            .map(|visits| visits.evenness(visits.entropy()))
             .or(self.last_update(agent).map(|row| row.visitation_evenness))
     }
 

@@ -4,6 +4,8 @@
 /** Maximum number of agents with a plot of their own. */
 const MAX_PLOTS = 16;
 const SCATTER_MARGIN = { top: 10, right: 14, bottom: 36, left: 50 };
+/** Largest ratio of two lengths on whose axes meters have one length without scenery, as in figures. */
+const MAX_ASPECT = 4;
 /** Distance between plots, and height of their titles. */
 const PLOT_GAP = 8;
 
@@ -145,10 +147,12 @@ class Scatter {
     });
   }
 
-  /** With scenery, the middle part of a cell in which meters have one length on both axes. */
+  /** Of two lengths, the middle part of a cell in which meters have one length on both axes; with scenery also if one is much shorter. */
   toScale(cell) {
-    if (!this.scenery().length) return cell;
-    const lengths = this.panel.app.view.scatter.map((a) => this.panel.app.axes[a].high - this.panel.app.axes[a].low);
+    const axes = this.panel.app.view.scatter.map((a) => this.panel.app.axes[a]);
+    const lengths = axes.map((axis) => axis.high - axis.low);
+    const areSimilar = axes.every((axis) => axis.unit === "m") && Math.max(...lengths) <= MAX_ASPECT * Math.min(...lengths);
+    if (!areSimilar && !this.scenery().length) return cell;
     const scale = Math.min(cell.width / lengths[0], cell.height / lengths[1]);
     const [width, height] = lengths.map((length) => scale * length);
     return { left: cell.left + (cell.width - width) / 2, top: cell.top + (cell.height - height) / 2, width, height };

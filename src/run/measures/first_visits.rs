@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::visitation::{StateBins, Visitation};
 use seedbed_env::TaskSpec;
+use seedbed_learn::team::Workers;
 
 /// The cells that the team has visited, and the share of cells that each agent was the first to
 /// visit. Agents that visit a cell for the first time in the same round share it equally, so that
@@ -34,11 +35,11 @@ impl FirstVisits {
 
     /// Adds the states that agents visited in a round. Returns the share of cells that each agent was
     /// the first to visit in this round: `[K]`
-    pub fn add_round(&mut self, visits: &[(u32, StateBins)]) -> Vec<f64> {
+    pub fn add_round(&mut self, visits: &[(u32, StateBins)], workers: Workers<'_>) -> Vec<f64> {
         let mut new_coverage = vec![0.0; self.coverage.len()];
         let cells = self.visited.len() as f64;
         for visitors in self
-            .visitors_of_new_cells(visits)
+            .visitors_of_new_cells(visits, workers)
             .chunk_by(|one, next| one.0 == next.0)
         {
             let (cell, _) = visitors[0];
@@ -54,15 +55,21 @@ impl FirstVisits {
     }
 
     /// New cells with each agent that visited them in a round, cell by cell.
-    fn visitors_of_new_cells(&self, visits: &[(u32, StateBins)]) -> Vec<(usize, u32)> {
-        let mut visitors = Vec::new();
-        for (agent, states) in visits {
+    fn visitors_of_new_cells(
+        &self,
+        visits: &[(u32, StateBins)],
+        workers: Workers<'_>,
+    ) -> Vec<(usize, u32)> {
+        let new_cells = workers.map(visits.iter().collect(), |(agent, states)| {
+            let mut new_cells = Vec::new();
             states.for_each_cell(|cell| {
                 if !self.visited[cell] {
-                    visitors.push((cell, *agent));
+                    new_cells.push((cell, *agent));
                 }
             });
-        }
+            new_cells
+        });
+        let mut visitors = new_cells.concat();
         visitors.sort_unstable();
         visitors.dedup();
         visitors
@@ -134,11 +141,20 @@ mod tests {
             visit(0, &[0.0, 0.0]),
             visit(1, &[0.0, 0.0, 5.0, 5.0, 5.0, 5.0]),
         ];
-        assert!(near(&first.add_round(&round), [0.5, 1.5]));
+        assert!(near(
+            &first.add_round(&round, Workers::CURRENT_THREAD),
+            [0.5, 1.5]
+        ));
         let round = [visit(0, &[5.0, 5.0, 6.0, 6.0]), visit(0, &[7.0, 7.0])];
-        assert!(near(&first.add_round(&round), [2.0, 0.0]));
+        assert!(near(
+            &first.add_round(&round, Workers::CURRENT_THREAD),
+            [2.0, 0.0]
+        ));
         assert!(near(first.coverage(), [2.5, 1.5]));
-        assert!(near(&first.add_round(&round), [0.0, 0.0]));
+        assert!(near(
+            &first.add_round(&round, Workers::CURRENT_THREAD),
+            [0.0, 0.0]
+        ));
     }
 
     /// Three agents in twelve rounds, read round by round and agent by agent.
@@ -152,7 +168,7 @@ mod tests {
                 let (one, other) = (value(agent, round), value(agent / 2, round / 2));
                 visit(agent, &[one, other, other, one])
             });
-            by_round.add_round(&visits);
+            by_round.add_round(&visits, Workers::CURRENT_THREAD);
         }
         for agent in 0..3 {
             for round in (0..12).rev() {

@@ -20,6 +20,7 @@ use crate::scenario::{Rounding, Threshold};
 use seedbed_env::TaskSpec;
 use seedbed_learn::agent::UpdateReport;
 use seedbed_learn::experience::Episode;
+use seedbed_learn::team::Workers;
 
 /// The measures of one run so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -84,31 +85,34 @@ impl Measures {
     }
 
     /// Adds a finished round and returns its rows. `episodes` are in (agent, episode) order,
-    /// `reports` in the order in which agents learned.
+    /// `reports` in the order in which agents learned. Large teams are divided over `workers`, on which no bit
+    /// depends.
     pub fn add_round(
         &mut self,
         spec: &TaskSpec,
         round: u32,
         episodes: &[&Episode],
         reports: &[(u32, UpdateReport)],
+        workers: Workers<'_>,
     ) -> RoundRows {
-        let states = |episode: &&Episode| StateBins::of(&spec.observations, &episode.observations);
-        let visited: Vec<(u32, StateBins)> = episodes
-            .iter()
-            .map(|episode| (episode.agent, states(episode)))
-            .collect();
+        let workers = self.workers_for(episodes, workers);
+        let visited = workers.map(episodes.to_vec(), |episode| {
+            let states = StateBins::of(&spec.observations, &episode.observations);
+            (episode.agent, states)
+        });
         let steps_before = self.env_steps;
+        let coverage = self.add_visits(&visited, workers);
         let mut episode_rows = Vec::with_capacity(episodes.len());
-        for (episode, (_, states)) in episodes.iter().zip(&visited) {
-            episode_rows.push(self.add_episode(episode, states));
+        for (episode, coverage) in episodes.iter().zip(coverage) {
+            episode_rows.push(self.add_episode(episode, coverage));
         }
         self.extend_team_returns(episodes);
-        let new_coverage = self.first_visits.add_round(&visited);
-        self.recent.add_round(visited);
+        let new_coverage = self.first_visits.add_round(&visited, workers);
+        self.recent.add_round(visited, workers);
         let new_coverage_rate = new_coverage.iter().sum::<f64>() * 1000.0
             / (self.env_steps - steps_before).max(1) as f64;
-        let recent = self.recent.diversity();
-        let visits = self.visit_statistics();
+        let recent = self.recent.diversity(workers);
+        let visits = self.visit_statistics(workers);
         for row in &mut episode_rows {
             visits.complete_row(row);
         }
@@ -196,19 +200,46 @@ impl Measures {
 
     /// Statistics of the states that the team has visited so far.
     #[must_use]
-    pub fn visit_statistics(&self) -> VisitStatistics {
-        let entropy: Vec<f64> = self.visitation.iter().map(Visitation::entropy).collect();
+    pub fn visit_statistics(&self, workers: Workers<'_>) -> VisitStatistics {
+        let agents = &self.visitation;
+        let entropy = workers.map(agents.iter().collect(), Visitation::entropy);
+        let evenness = agents.iter().zip(&entropy);
+        let evenness = evenness.map(|(agent, entropy)| agent.evenness(*entropy));
         VisitStatistics {
-            evenness: self.visitation.iter().map(Visitation::evenness).collect(),
+            evenness: evenness.collect(),
             team_coverage: self.team_coverage(),
-            diversity: visitation::diversity(&self.visitation, &entropy),
+            diversity: visitation::diversity(agents, &entropy, workers),
             entropy: entropy.into_iter().map(without_rounding_error).collect(),
         }
     }
 
-    fn add_episode(&mut self, episode: &Episode, states: &StateBins) -> EpisodeRow {
-        let visitation = &mut self.visitation[episode.agent as usize];
-        visitation.add(states);
+    /// The workers, unless the measures of a round take less time than passing them on.
+    fn workers_for<'a>(&self, episodes: &[&Episode], workers: Workers<'a>) -> Workers<'a> {
+        let cells: usize = self.visitation.iter().map(Visitation::cell_count).sum();
+        let states: usize = episodes.iter().map(|episode| episode.length() + 1).sum();
+        if cells + states < MIN_SHARED_WORK {
+            Workers::CURRENT_THREAD
+        } else {
+            workers
+        }
+    }
+
+    /// Counts the states of a round. Returns the coverage of its agent after each episode.
+    fn add_visits(&mut self, visited: &[(u32, StateBins)], workers: Workers<'_>) -> Vec<f64> {
+        let of_agents = visits_of_agents(visited, self.visitation.len());
+        let agents = self.visitation.iter_mut().zip(of_agents).collect();
+        let coverage = workers.map(agents, |(visitation, visits): (&mut Visitation, _)| {
+            let mut coverage = Vec::new();
+            for (_, states) in visits {
+                visitation.add(states);
+                coverage.push(visitation.coverage());
+            }
+            coverage
+        });
+        coverage.concat()
+    }
+
+    fn add_episode(&mut self, episode: &Episode, coverage: f64) -> EpisodeRow {
         self.env_steps += episode.length() as u64;
         EpisodeRow {
             agent: episode.agent,
@@ -218,7 +249,7 @@ impl Measures {
             r#return: episode.total_reward(),
             length: episode.length() as u32,
             outcome: episode.outcome,
-            coverage: visitation.coverage(),
+            coverage,
             // Placeholders: `VisitStatistics::complete_row` replaces them at the end of the round.
             visitation_entropy: 0.0,
             team_overlap: 1.0,
@@ -251,6 +282,19 @@ impl Measures {
     }
 }
 
+/// What each agent visited in a round. `visits` are in the order of agents. → `[K]`
+fn visits_of_agents(visits: &[(u32, StateBins)], agents: usize) -> Vec<&[(u32, StateBins)]> {
+    let mut of_agents = vec![&[][..]; agents];
+    for visits in visits.chunk_by(|one, next| one.0 == next.0) {
+        of_agents[visits[0].0 as usize] = visits;
+    }
+    of_agents
+}
+
+/// Number of cells of all agents and of states in a round from which threads share the work of measuring it: a tenth
+/// of a millisecond.
+const MIN_SHARED_WORK: usize = 100_000;
+
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
@@ -259,6 +303,8 @@ fn mean(values: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use seedbed_env::{Quantity, Status};
+
+    const ONE: Workers<'static> = Workers::CURRENT_THREAD;
 
     pub(super) fn spec(axes: usize) -> TaskSpec {
         let quantity = |index| Quantity {
@@ -292,7 +338,7 @@ mod tests {
                 episode(0, round as u32, &[a]),
                 episode(1, round as u32, &[b]),
             ];
-            measures.add_round(&spec(2), round as u32, &episodes.each_ref(), &[]);
+            measures.add_round(&spec(2), round as u32, &episodes.each_ref(), &[], ONE);
         }
         assert_eq!(
             measures.episodes_until(Threshold {
@@ -325,7 +371,7 @@ mod tests {
     fn a_team_return_waits_for_every_agent() {
         let mut measures = Measures::new(&spec(2), 2);
         let mut add_round = |episodes: &[Episode]| {
-            measures.add_round(&spec(2), 0, &episodes.iter().collect::<Vec<_>>(), &[]);
+            measures.add_round(&spec(2), 0, &episodes.iter().collect::<Vec<_>>(), &[], ONE);
             (measures.episodes_per_agent(), measures.final_return())
         };
         let first = [episode(0, 0, &[2.0]), episode(0, 0, &[8.0])];
@@ -346,7 +392,7 @@ mod tests {
                 episode(1, number.into(), &reward),
             ];
             let played = if number < 30 { &both[..] } else { &both[1..] };
-            measures.add_round(&spec(2), 0, &played.iter().collect::<Vec<_>>(), &[]);
+            measures.add_round(&spec(2), 0, &played.iter().collect::<Vec<_>>(), &[], ONE);
         }
         assert_eq!(measures.final_return(), Some(22.0));
         assert_eq!(measures.episodes_per_agent(), 30);
@@ -362,6 +408,7 @@ mod tests {
             0,
             &episodes.each_ref(),
             &[0, 1].map(|agent| (agent, UpdateReport::default())),
+            ONE,
         );
         assert_eq!(
             rows.episodes
@@ -388,5 +435,47 @@ mod tests {
             ),
             (0.0, 0.0)
         );
+    }
+
+    /// 20 agents in 8 dimensions (28 grids), more than are divided over threads, in more rounds than
+    /// are recent. One agent never has its last observation.
+    #[test]
+    fn threads_do_not_change_a_bit() {
+        const AGENTS: u32 = 20;
+        let spec = spec(8);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();
+        let pool = pool.unwrap();
+        let measured = [ONE, Workers::new(Some(&pool))].map(|workers| {
+            let mut measures = Measures::new(&spec, AGENTS as usize);
+            let mut random = 1_u32;
+            let mut rows = Vec::new();
+            for round in 0..recent::RECENT_ROUNDS as u32 + 3 {
+                let played = |agent: u32| {
+                    let mut value = |axis: usize| {
+                        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                        let is_missing = agent == 7 && axis == 7 && round < 12;
+                        let value = (random >> 16) as f32 / 65_536.0 * (agent + 1) as f32;
+                        if is_missing { f32::NAN } else { value }
+                    };
+                    Episode {
+                        rewards: vec![0.5; 9],
+                        observations: (0..80).map(|index| value(index % 8)).collect(),
+                        ..Episode::start(agent, round, round, &spec)
+                    }
+                };
+                let episodes: Vec<Episode> = (0..AGENTS).map(played).collect();
+                let episodes: Vec<&Episode> = episodes.iter().collect();
+                let reports: Vec<_> = (0..AGENTS)
+                    .map(|agent| (agent, UpdateReport::default()))
+                    .collect();
+                rows.push(measures.add_round(&spec, round, &episodes, &reports, workers));
+            }
+            let cells = 28 * 400 * AGENTS as usize;
+            assert!(cells > MIN_SHARED_WORK);
+            (measures, rows)
+        });
+        assert_eq!(measured[0], measured[1]);
+        let rows = &measured[0].1[12].updates;
+        assert!(rows[3].team_overlap < 0.99 && rows[3].recent_effective_agents > Some(1.01));
     }
 }

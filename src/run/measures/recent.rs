@@ -9,7 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use super::diversity::Diversity;
 use super::visitation::{self, StateBins, Visitation};
+use super::visits_of_agents;
 use seedbed_env::TaskSpec;
+use seedbed_learn::team::Workers;
 
 /// Number of latest rounds whose visits count.
 pub const RECENT_ROUNDS: usize = 10;
@@ -37,23 +39,26 @@ impl RecentVisits {
 
     /// Adds the states that agents visited in a round, and forgets those of the oldest round if there
     /// are more than [`RECENT_ROUNDS`].
-    pub fn add_round(&mut self, visits: Vec<(u32, StateBins)>) {
-        for (agent, states) in &visits {
-            self.visitation[*agent as usize].add(states);
-        }
+    pub fn add_round(&mut self, visits: Vec<(u32, StateBins)>, workers: Workers<'_>) {
+        let forgets = self.rounds.len() >= RECENT_ROUNDS;
+        let oldest = forgets.then(|| self.rounds.pop_front()).flatten();
+        let oldest = oldest.unwrap_or_default();
+        let new = visits_of_agents(&visits, self.visitation.len());
+        let old = visits_of_agents(&oldest, self.visitation.len());
+        let agents = self.visitation.iter_mut().zip(new).zip(old).collect();
+        workers.map(agents, |((agent, new), old): ((&mut Visitation, _), _)| {
+            new.iter().for_each(|(_, states)| agent.add(states));
+            old.iter().for_each(|(_, states)| agent.remove(states));
+        });
         self.rounds.push_back(visits);
-        if self.rounds.len() > RECENT_ROUNDS {
-            for (agent, states) in self.rounds.pop_front().into_iter().flatten() {
-                self.visitation[agent as usize].remove(&states);
-            }
-        }
     }
 
     /// How different the agents' visits are.
     #[must_use]
-    pub fn diversity(&self) -> Diversity {
-        let entropies: Vec<f64> = self.visitation.iter().map(Visitation::entropy).collect();
-        visitation::diversity(&self.visitation, &entropies)
+    pub fn diversity(&self, workers: Workers<'_>) -> Diversity {
+        let agents = self.visitation.iter().collect();
+        let entropies = workers.map(agents, Visitation::entropy);
+        visitation::diversity(&self.visitation, &entropies, workers)
     }
 }
 
@@ -126,8 +131,11 @@ mod tests {
             } else {
                 [&right, &left]
             };
-            recent.add_round(vec![(0, one.clone()), (1, other.clone())]);
-            effective_agents.push(recent.diversity().effective_agents);
+            recent.add_round(
+                vec![(0, one.clone()), (1, other.clone())],
+                Workers::CURRENT_THREAD,
+            );
+            effective_agents.push(recent.diversity(Workers::CURRENT_THREAD).effective_agents);
         }
         let expected = [(0, 2.0), (9, 2.0), (14, 1.0), (19, 2.0)];
         for (round, expected) in expected {
@@ -149,10 +157,10 @@ mod tests {
             for (agent, states) in &visits {
                 all[*agent as usize].add(states);
             }
-            recent.add_round(visits.to_vec());
+            recent.add_round(visits.to_vec(), Workers::CURRENT_THREAD);
         }
         assert_eq!(recent.visitation, all);
-        recent.add_round(Vec::new());
+        recent.add_round(Vec::new(), Workers::CURRENT_THREAD);
         assert!(recent.visitation != all);
     }
 
@@ -164,7 +172,10 @@ mod tests {
         let states_of =
             |agent: u32, round: u32| states([(agent * 3 + round % 7) as f32, (round / 4) as f32]);
         for round in 0..25 {
-            by_round.add_round(vec![(0, states_of(0, round)), (1, states_of(1, round))]);
+            by_round.add_round(
+                vec![(0, states_of(0, round)), (1, states_of(1, round))],
+                Workers::CURRENT_THREAD,
+            );
         }
         for agent in 0..2 {
             for round in 0..25 {
@@ -177,7 +188,7 @@ mod tests {
         assert!(found.effective_agents > 1.1 && found.effective_agents < 1.99);
         assert_eq!(
             found.effective_agents,
-            by_round.diversity().effective_agents
+            by_round.diversity(Workers::CURRENT_THREAD).effective_agents
         );
     }
 

@@ -6,6 +6,7 @@ use super::diversity::{
     Diversity, add_to_mixture, distribution_entropy, diversity_of_grids, entropy,
 };
 use seedbed_env::{Quantity, TaskSpec};
+use seedbed_learn::team::Workers;
 
 /// Number of cells of a grid along one observation.
 const CELLS_PER_AXIS: usize = 20;
@@ -107,10 +108,10 @@ impl Visitation {
         sum / f64::from(count.max(1))
     }
 
-    /// The entropy as a share of the largest possible one, from 0 to 1 (Pielou's evenness).
+    /// The [`entropy`](Self::entropy) as a share of the largest possible one, from 0 to 1 (Pielou's evenness).
     #[must_use]
-    pub fn evenness(&self) -> f64 {
-        without_rounding_error(self.entropy()) / self.max_entropy()
+    pub fn evenness(&self, entropy: f64) -> f64 {
+        without_rounding_error(entropy) / self.max_entropy()
     }
 
     /// The entropy if all cells were visited equally often: ln 400, or ln 20 for a single
@@ -219,8 +220,9 @@ pub fn team_coverage(agents: &[Visitation]) -> f64 {
 /// How different the visited states of the agents are, as [`known_diversity`]; without two agents with
 /// visits, that of a single agent.
 #[must_use]
-pub fn diversity(agents: &[Visitation], entropies: &[f64]) -> Diversity {
-    known_diversity(agents, entropies).unwrap_or_else(|| Diversity::from_divergence(0.0, 1))
+pub fn diversity(agents: &[Visitation], entropies: &[f64], workers: Workers<'_>) -> Diversity {
+    let known = known_diversity(agents, entropies, workers);
+    known.unwrap_or_else(|| Diversity::from_divergence(0.0, 1))
 }
 
 /// Diversity of the visits of a team as a reader is told it: 1 if only one agent has visits, and `None`
@@ -228,9 +230,10 @@ pub fn diversity(agents: &[Visitation], entropies: &[f64]) -> Diversity {
 #[must_use]
 pub fn diversity_of_team(agents: &[Visitation]) -> Option<Diversity> {
     let entropies: Vec<f64> = agents.iter().map(Visitation::entropy).collect();
+    let workers = Workers::CURRENT_THREAD;
     match visiting_agents(agents) {
-        1 => Some(diversity(agents, &entropies)),
-        _ => known_diversity(agents, &entropies),
+        1 => Some(diversity(agents, &entropies, workers)),
+        _ => known_diversity(agents, &entropies, workers),
     }
 }
 
@@ -244,9 +247,14 @@ pub fn visiting_agents(agents: &[Visitation]) -> usize {
 /// all other agents have equal weights. `None` if no grid has visits of two agents.
 /// `agents: [K]`; `entropies: [K]`
 ///
-/// Takes O(K · cells): it is the divergence of the agents from their mixture, not of each pair.
+/// Takes O(K · cells): it is the divergence of the agents from their mixture, not of each pair. Grids are divided over
+/// `workers`, on which no bit depends: each sum is over agents, or over grids, in their order.
 #[must_use]
-pub fn known_diversity(agents: &[Visitation], entropies: &[f64]) -> Option<Diversity> {
+pub fn known_diversity(
+    agents: &[Visitation],
+    entropies: &[f64],
+    workers: Workers<'_>,
+) -> Option<Diversity> {
     let with_visits: Vec<(&Visitation, &f64)> = agents
         .iter()
         .zip(entropies)
@@ -258,21 +266,31 @@ pub fn known_diversity(agents: &[Visitation], entropies: &[f64]) -> Option<Diver
     }
     let share = 1.0 / count as f64;
     let grids = agents[0].grids().len();
-    let mut mixture = vec![0.0; agents[0].cells_per_grid];
+    let of_grids = workers.map((0..grids).collect(), |grid| {
+        entropy_of_mixture(grid, &with_visits, share)
+    });
     let mut mixture_entropies = 0.0;
-    for grid in 0..grids {
-        let cells = grid * mixture.len()..(grid + 1) * mixture.len();
-        mixture.fill(0.0);
-        for (agent, _) in &with_visits {
-            if add_to_mixture(&agent.counts[cells.clone()], share, &mut mixture) == 0 {
-                return diversity_of_different_grids(agents);
-            }
-        }
-        mixture_entropies += distribution_entropy(&mixture);
+    for entropy in of_grids {
+        let Some(entropy) = entropy else {
+            return diversity_of_different_grids(agents);
+        };
+        mixture_entropies += entropy;
     }
     let entropies = with_visits.iter().map(|(_, entropy)| **entropy);
     let divergence = mixture_entropies / grids as f64 - share * entropies.sum::<f64>();
     Some(Diversity::from_divergence(divergence, count))
+}
+
+/// Entropy of the equally weighted mixture of the agents' visits in a grid, nats; `None` if an agent has none there.
+fn entropy_of_mixture(grid: usize, agents: &[(&Visitation, &f64)], share: f64) -> Option<f64> {
+    let mut mixture = vec![0.0; agents[0].0.cells_per_grid];
+    let cells = grid * mixture.len()..(grid + 1) * mixture.len();
+    for (agent, _) in agents {
+        if add_to_mixture(&agent.counts[cells.clone()], share, &mut mixture) == 0 {
+            return None;
+        }
+    }
+    Some(distribution_entropy(&mixture))
 }
 
 /// Diversity of agents of which some have no visit in some grids, because an observation was always
@@ -383,16 +401,19 @@ mod tests {
             }
         }
         let mut visitation = Visitation::for_observations(&observations);
-        assert_eq!(visitation.evenness(), 0.0);
+        assert_eq!(visitation.evenness(visitation.entropy()), 0.0);
         visitation.visit_states(&observations, &states);
-        assert!((visitation.evenness() - 1.0).abs() < 1e-12);
+        assert!((visitation.evenness(visitation.entropy()) - 1.0).abs() < 1e-12);
     }
 
     #[test]
     fn a_single_visited_cell_has_no_evenness() {
         for count in 1..2000 {
             let visitation = visited(2, &[0.5, 0.5].repeat(count));
-            assert!(visitation.evenness() >= 0.0, "{count} visits");
+            assert!(
+                visitation.evenness(visitation.entropy()) >= 0.0,
+                "{count} visits"
+            );
             assert!(without_rounding_error(visitation.entropy()) >= 0.0);
         }
     }
@@ -437,6 +458,7 @@ mod tests {
         diversity(
             agents,
             &agents.iter().map(Visitation::entropy).collect::<Vec<_>>(),
+            Workers::CURRENT_THREAD,
         )
     }
 
@@ -477,7 +499,14 @@ mod tests {
             (diversity_of_team(&three), visiting_agents(&three)),
             (Some(alike), 2)
         );
-        assert_eq!(known_diversity(&[whole, nowhere.clone()], &[0.0; 2]), None);
+        assert_eq!(
+            known_diversity(
+                &[whole, nowhere.clone()],
+                &[0.0; 2],
+                Workers::CURRENT_THREAD
+            ),
+            None
+        );
         assert_eq!(diversity_of_team(&[nowhere.clone(), nowhere]), None);
     }
 

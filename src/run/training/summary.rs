@@ -2,13 +2,17 @@
 
 use super::Trainer;
 use crate::run::facts::{SolvedAt, Summary};
+use seedbed_learn::team::Workers;
 
 impl Summary {
     /// The summary of a run so far.
     #[must_use]
     pub fn of(scenario: &str, seed: u64, trainer: &Trainer) -> Self {
         let measures = trainer.measures();
-        let (threshold, visits) = (trainer.threshold(), measures.visit_statistics());
+        let (threshold, visits) = (
+            trainer.threshold(),
+            measures.visit_statistics(Workers::CURRENT_THREAD),
+        );
         Self {
             scenario: scenario.to_owned(),
             environment: trainer.spec().name.clone(),

@@ -134,9 +134,10 @@ impl Trainer {
         }
         step_data.sort_by_key(|data| (data.agent, data.episode));
         let episodes = self.learning.newest_episodes();
+        let workers = Workers::new(self.pool.as_ref());
         let rows = self
             .measures
-            .add_round(&self.spec, self.round, &episodes, &reports);
+            .add_round(&self.spec, self.round, &episodes, &reports, workers);
         Round {
             rows,
             step_data,
