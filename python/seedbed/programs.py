@@ -111,6 +111,7 @@ def in_python(message: str) -> str:
         >>> in_python("run is not recorded; use --what returns,curves, which needs only the tables")
         "run is not recorded; use what=['returns', 'curves'], which needs only the tables"
     """
+    message = message.removesuffix("\n\nFor more information, try '--help'.")
     message = _PARTS.sub(lambda parts: f"what={parts[1].split(',')}", message)
     message = _SWITCHES.sub(lambda switch: f"{switch[1].replace('-', '_')}=True", message)
     return _OPTIONS.sub(r"\1", message)

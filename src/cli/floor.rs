@@ -10,6 +10,7 @@ use seedbed::open_loop::{self, OpenLoopError, OpenLoopPlan, OpenLoopRun};
 use seedbed::storage;
 use seedbed_env::TaskDescription;
 use seedbed_learn::agent::action_selection::ActionNoise;
+use seedbed_stats::MIN_RUNS;
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::bootstrap::bootstrap_estimate;
 
@@ -25,7 +26,7 @@ pub(super) fn floor(args: &FloorArgs) -> Result<(), CliError> {
         task.spec().name,
         plan.runs,
         plan.episodes,
-        plan.goal
+        shortest(plan.goal)
     );
     say!("{}", header(&args.attempts));
     let mut table = csv_header(&args.attempts);
@@ -43,9 +44,12 @@ pub(super) fn floor(args: &FloorArgs) -> Result<(), CliError> {
         progress.suspend(|| say!("{}", row(noise, &runs, &args.attempts)));
         add_csv_rows(&mut table, noise, &runs, plan.first_seed, &args.attempts);
     }
-    say!(
-        "\nMeans over run seeds with 95 % intervals (bootstrap); the largest return of all episodes."
-    );
+    let intervals = if plan.runs as usize >= MIN_RUNS {
+        " with 95 % intervals (bootstrap)".to_owned()
+    } else {
+        format!(", without intervals, which need at least {MIN_RUNS} of them")
+    };
+    say!("\nMeans over run seeds{intervals}; the largest return of all episodes.");
     match &args.csv {
         Some(path) => write_csv(path, &table),
         None => Ok(()),
@@ -107,6 +111,16 @@ fn row(noise: Option<ActionNoise>, runs: &[OpenLoopRun], attempts: &[u32]) -> St
 
 fn name_of(noise: Option<ActionNoise>) -> String {
     noise.map_or_else(|| "uniform".to_owned(), |noise| noise.to_string())
+}
+
+/// A return as it was written: thresholds of tasks have single precision.
+fn shortest(goal: f64) -> String {
+    let single = goal as f32;
+    if f64::from(single) == goal {
+        single.to_string()
+    } else {
+        goal.to_string()
+    }
 }
 
 /// Share of a run's episodes that reached the goal.

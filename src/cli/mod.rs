@@ -230,7 +230,7 @@ struct RunArgs {
     /// Scenario file, the name of a scenario (`seedbed list scenarios`), or `-` for the standard input
     scenario: PathBuf,
     /// Use this run seed instead of the scenario's
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u64>,
     /// Write results to this directory [default: recordings/<scenario>/seed-<N>]
     #[arg(long, value_name = "DIR")]
@@ -337,7 +337,12 @@ struct PreviewArgs {
     #[arg(long, value_name = "N", default_value_t = 3)]
     episodes: u64,
     /// Run seed for initial states and actions
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        allow_negative_numbers = true
+    )]
     seed: u64,
     /// Use the task's analytic model instead of the physics engine (Rapier)
     #[arg(long)]
@@ -376,7 +381,12 @@ struct FloorArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     episodes: Option<u32>,
     /// First run seed
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        allow_negative_numbers = true
+    )]
     seed: u64,
     /// Also write the numbers of each run to this file
     #[arg(long, value_name = "FILE")]
@@ -490,7 +500,12 @@ struct PlayArgs {
     #[arg(long, value_name = "TASK")]
     environment: Option<String>,
     /// Run seed for initial states and actions
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        allow_negative_numbers = true
+    )]
     seed: u64,
 }
 

@@ -290,6 +290,9 @@ impl PlotPage<'_> {
     fn density(&self) -> Vec<Row> {
         let groups: Vec<StateGroup<'_>> = self.team_groups();
         let (panels, key) = states::density(self.settings, &groups);
+        if matches!(panels[..], [Panel::HeatMap(_), ..]) {
+            return self.rows_of_maps(panels, key.as_ref());
+        }
         layout_rows(
             panels,
             self.runs.len().min(self.columns_of_width(240.0)),

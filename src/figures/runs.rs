@@ -52,7 +52,7 @@ pub(super) fn read(
                 team = selection.select(recording, |_| on_episode())?;
             }
         }
-        let walls = if [Part::Scatter, Part::Difference]
+        let walls = if [Part::Scatter, Part::Density, Part::Difference]
             .iter()
             .any(|part| settings.shows(*part))
         {

@@ -306,7 +306,13 @@ impl Film {
     }
 
     fn frame(&self, number: usize) -> Figure {
-        let motion = self.motion.panel(number, self.settings.agent);
+        // In a training, the states and returns beside it go on to the next episode that is shown.
+        let words = if self.training.is_some() {
+            "replay of "
+        } else {
+            ""
+        };
+        let motion = self.motion.panel(number, self.settings.agent, words);
         let rows = match &self.training {
             None => vec![row(self.motion.height(), motion.into_iter().collect())],
             Some(training) => {
@@ -557,11 +563,11 @@ impl Motion {
         (FRAME_WIDTH / aspect + 24.0).clamp(200.0, 560.0)
     }
 
-    /// What a frame shows of the motion.
-    fn panel(&self, frame: usize, agent: u32) -> Option<Panel> {
+    /// What a frame shows of the motion. `words`: what precedes the number of its episode
+    fn panel(&self, frame: usize, agent: u32, words: &str) -> Option<Panel> {
         let timeline = self.timeline()?;
         let shown = timeline.shown_at(frame);
-        let title = format!("agent {agent}, {}", timeline.caption(shown));
+        let title = format!("agent {agent}, {words}{}", timeline.caption(shown));
         Some(match self {
             Self::None(_) => return None,
             Self::Bodies(_, bodies) => Panel::Drawing(bodies.drawing(shown, title, agent)),

@@ -360,6 +360,7 @@ def check_film(page: Page) -> None:
     assert color[0] == color[1], color
     longest = max(range(len(episodes)), key=lambda f: episodes[f]["count"])
     menu.select_by_index(longest)
+    assert page.run(COLOR_OF_BODY, [51, 170, 51]) == [51, 170, 51, 255], "bodies have the colors of their task"
     button, end = page.find(".play-film"), episodes[longest]["count"] - 1
     assert end > 50
     page.run("arguments[0].click()", button)
@@ -371,6 +372,14 @@ def check_film(page: Page) -> None:
     assert shown() == paused and 2 < paused[2] < end and button.text == "Play", paused
     page.run("explorer.panels[0].player.show(arguments[0]); arguments[1].click()", episodes[longest]["first"] + end - 3, button)
     WebDriverWait(page.browser, 60).until(lambda _: shown()[2] == end and button.text == "Play")
+
+
+COLOR_OF_BODY = """
+const context = Object.assign(document.createElement("canvas"), { width: 40, height: 40 }).getContext("2d");
+const square = { points: [[-9, -9], [9, -9], [9, 9], [-9, 9]], thickness: null };
+drawShape(context, square, ([x, y]) => [20 + x, 20 + y], colorOf({ color: arguments[0], fixed: false }), 1);
+return [...context.getImageData(20, 20, 1, 1).data];"""
+"""The color of the pixels of a body to which its task gives a color."""
 
 
 def check_films(browser: Browser, seedbed: str, folder: Path) -> None:

@@ -147,6 +147,22 @@ fn figures_and_pages_of_several_runs_have_one_set_of_axes() {
         figure.contains(">22 %<") && figure.contains(">y [m]<"),
         "the largest difference is 22.5 %: {figure}"
     );
+    // Densities on two axes are maps, with both axes labeled, of shares between one and ten states in forty.
+    let density = map.map(|word| {
+        if word == "difference" {
+            "density"
+        } else {
+            word
+        }
+    });
+    run_successful(&density);
+    let figure = fs::read_to_string(&svg).unwrap();
+    assert!(
+        figure.contains(">y [m]<")
+            && figure.contains("share of states per cell")
+            && figure.contains(">25 %<"),
+        "{figure}"
+    );
     let page = folder.path().join("page.html");
     run_successful(&["explore", &narrow, &wide, "--out", page.to_str().unwrap()]);
     let x = r#""name":"x","unit":"m","kind":"observation","low":-9.99"#;

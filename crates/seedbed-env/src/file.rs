@@ -318,7 +318,7 @@ pub struct Actuator {
 
 /// What the agent may choose.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "checked::UncheckedControl")]
+#[serde(try_from = "checked::unchecked::Control")]
 pub enum Control {
     /// One of these values.
     Discrete(DiscreteValues),
@@ -386,7 +386,7 @@ pub struct StartCoordinate {
 
 /// The distribution of a random number.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "checked::UncheckedDistribution")]
+#[serde(try_from = "checked::unchecked::Distribution")]
 pub enum Distribution {
     /// Always this number.
     Constant(FiniteNumber),

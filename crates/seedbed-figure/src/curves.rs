@@ -413,7 +413,9 @@ impl Threshold {
             svg.text(
                 [plot.area.x + 6.0, baseline],
                 &self.name,
-                TextStyle::new(TICK_SIZE, Anchor::Start).color(MUTED_COLOR),
+                TextStyle::new(TICK_SIZE, Anchor::Start)
+                    .color(MUTED_COLOR)
+                    .with_rim(),
             );
         }
     }

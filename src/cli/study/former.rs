@@ -42,8 +42,13 @@ pub(in crate::cli) fn translated(arguments: &[OsString]) -> Option<Vec<OsString>
 }
 
 fn is_action(word: &OsString) -> bool {
-    let mut actions = ACTIONS.into_iter().map(|(_, action, _)| action);
-    word == "run" || actions.any(|action| word == action)
+    actions().any(|action| word == action)
+}
+
+/// What can be done with studies.
+pub(super) fn actions() -> impl Iterator<Item = &'static str> {
+    let former = ACTIONS.into_iter().map(|(_, action, _)| action);
+    former.chain(["run", "submit"])
 }
 
 /// `--option=value` as its two parts.

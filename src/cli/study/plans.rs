@@ -3,11 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use super::arguments::{PlaceArgs, ResultsArgs};
+use super::former::actions;
 use crate::cli::CliError;
 use seedbed::input_files::{self, Directory};
 use seedbed::study::design::lock::{Lock, RegistrationError};
 use seedbed::study::design::plan::StudyPlan;
 use seedbed::study::store::StudyFolder;
+use seedbed_input::InputError;
+use seedbed_input::nearest_name;
 
 /// Which studies are meant, and where their results are.
 #[derive(Clone, Copy)]
@@ -67,7 +70,8 @@ impl<'a> Selection<'a> {
     }
 
     fn plan(self, path: &Path) -> Result<StudyPlan, CliError> {
-        let path = &input_files::find_argument(path, &[Directory::Scenarios])?;
+        let found = input_files::find_argument(path, &[Directory::Scenarios]);
+        let path = &found.map_err(|error| with_action(path, error))?;
         let plan = if self.before_results || self.is_registered {
             StudyPlan::load_before_results(path, self.quick)?
         } else {
@@ -138,4 +142,13 @@ pub(in crate::cli) fn check_same_study(
         "{path} contains the {kind} `{}`; choose another directory with --out",
         manifest.name
     )))
+}
+/// The error for a word that names no study, which may be an action with another spelling.
+fn with_action(word: &Path, error: InputError) -> InputError {
+    let action = nearest_name(&word.to_string_lossy(), actions());
+    let help = action.map(|action| format!("`seedbed study {action}`, if that was meant"));
+    InputError {
+        help: help.or(error.help),
+        ..error
+    }
 }

@@ -111,8 +111,9 @@ fn warn_of_low_power(plan: &StudyPlan) {
     for (found, needed, claim) in low {
         let needed = needed.map_or(format!("more than {MAX_RUNS}"), |runs| runs.to_string());
         note!(
-            "warning: power {found:.2}: this claim will probably stay open; {needed} runs per cell have a power of \
-             {USUAL_POWER}: {claim}"
+            "warning: power {found:.2}: {:.0} % of such studies would leave this claim open although it is as expected; \
+             {needed} runs per cell have a power of {USUAL_POWER}: {claim}",
+            100.0 * (1.0 - found)
         );
     }
 }

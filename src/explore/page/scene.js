@@ -31,7 +31,7 @@ function drawScene(context, [width, height], film, s, colors) {
 
 /** The color that the task gives, gray for what does not move, or the next one of two. */
 function colorOf({ color, fixed }, next, colors) {
-  if (color) return `rgb(${color.join(" ")})`;
+  if (color) return color;
   return fixed ? colors.muted : next();
 }
 

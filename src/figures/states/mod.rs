@@ -49,11 +49,14 @@ fn agents_of<'a>(groups: &'a [StateGroup<'a>]) -> Vec<&'a [&'a SelectedStates]> 
 }
 
 /// Panels of densities on a common scale: the number of states per pixel or, with several panels,
-/// the share of the panel's states per pixel.
+/// the share of the panel's states per pixel. Of a single pair of axes they are maps.
 pub(super) fn density(
     settings: &FigureSettings,
     groups: &[StateGroup<'_>],
 ) -> (Vec<Panel>, Option<Key>) {
+    if let Some(pair) = chosen_pair(settings, groups.first()) {
+        return density_maps(settings, groups, &[pair]);
+    }
     let pixels_of_groups =
         scale_to_largest(groups, groups.iter().map(StateGroup::pixels).collect());
     let max_count = pixels_of_groups
@@ -90,10 +93,7 @@ pub(super) fn differences(
     reference: &StateGroup<'_>,
 ) -> (Vec<Panel>, Key) {
     let width = reference.width(settings);
-    let pair = match reference.scatter_pairs(settings)[..] {
-        [pair] if settings.axes.len() == 2 => Some(pair),
-        _ => None,
-    };
+    let pair = chosen_pair(settings, Some(reference));
     let counts = |group: &StateGroup<'_>| match pair {
         Some(_) => group.grids(1),
         None => group.pixels(),
@@ -134,6 +134,40 @@ pub(super) fn differences(
     (groups.iter().zip(images).map(panel).collect(), key)
 }
 
+/// The pair of axes, if two were chosen.
+fn chosen_pair(settings: &FigureSettings, group: Option<&StateGroup<'_>>) -> Option<[usize; 2]> {
+    let pairs = group?.scatter_pairs(settings);
+    match pairs[..] {
+        [pair] if settings.axes.len() == 2 => Some(pair),
+        _ => None,
+    }
+}
+
+/// Maps of the density of states on pairs of axes: for each pair, one panel per group, on a common scale.
+fn density_maps(
+    settings: &FigureSettings,
+    groups: &[StateGroup<'_>],
+    pairs: &[[usize; 2]],
+) -> (Vec<Panel>, Option<Key>) {
+    let grids = groups.iter().map(|group| group.grids(pairs.len()));
+    let grids = scale_to_largest(groups, grids.collect());
+    let max_count = grids.iter().flatten().copied().max().unwrap_or(0);
+    let panel = |pair: usize, (group, grids): (&StateGroup<'_>, &Vec<u32>)| {
+        let counts =
+            grids[pair * GRID_CELLS * GRID_CELLS..(pair + 1) * GRID_CELLS * GRID_CELLS].to_vec();
+        let title = group.title_with(&group.state_count_text());
+        let cells = Cells::Counts { counts, max_count };
+        group.heat_map_panel(settings, title, pairs[pair], cells)
+    };
+    let panels =
+        (0..pairs.len()).flat_map(|pair| groups.iter().zip(&grids).map(move |drawn| (pair, drawn)));
+    let panels = panels.map(|(pair, drawn)| panel(pair, drawn)).collect();
+    (
+        without_repeated_titles(panels, groups.len()),
+        Some(density_key(groups, "states per cell", max_count)),
+    )
+}
+
 /// Panels of pairs of axes: for each pair, one panel per group.
 pub(super) fn scatter(
     settings: &FigureSettings,
@@ -143,29 +177,7 @@ pub(super) fn scatter(
         .first()
         .map_or(Vec::new(), |group| group.scatter_pairs(settings));
     if draws_density(settings, groups) {
-        let grids = scale_to_largest(
-            groups,
-            groups
-                .iter()
-                .map(|group| group.grids(pairs.len()))
-                .collect(),
-        );
-        let max_count = grids.iter().flatten().copied().max().unwrap_or(0);
-        let panel = |pair: usize, (group, grids): (&StateGroup<'_>, &Vec<u32>)| {
-            let counts = grids
-                [pair * GRID_CELLS * GRID_CELLS..(pair + 1) * GRID_CELLS * GRID_CELLS]
-                .to_vec();
-            let title = group.title_with(&group.state_count_text());
-            let cells = Cells::Counts { counts, max_count };
-            group.heat_map_panel(settings, title, pairs[pair], cells)
-        };
-        let panels = (0..pairs.len())
-            .flat_map(|pair| groups.iter().zip(&grids).map(move |drawn| (pair, drawn)));
-        let panels = panels.map(|(pair, drawn)| panel(pair, drawn)).collect();
-        return (
-            without_repeated_titles(panels, groups.len()),
-            Some(density_key(groups, "states per cell", max_count)),
-        );
+        return density_maps(settings, groups, &pairs);
     }
     let colors = StateColors::new(settings, &agents_of(groups));
     let panels = pairs

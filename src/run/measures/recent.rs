@@ -46,10 +46,17 @@ impl RecentVisits {
         let new = visits_of_agents(&visits, self.visitation.len());
         let old = visits_of_agents(&oldest, self.visitation.len());
         let agents = self.visitation.iter_mut().zip(new).zip(old).collect();
-        workers.map(agents, |((agent, new), old): ((&mut Visitation, _), _)| {
-            new.iter().for_each(|(_, states)| agent.add(states));
-            old.iter().for_each(|(_, states)| agent.remove(states));
-        });
+        workers.map(
+            agents,
+            |((agent, new), old): ((&mut Visitation, &[_]), &[_])| {
+                for (_, states) in new {
+                    agent.add(states);
+                }
+                for (_, states) in old {
+                    agent.remove(states);
+                }
+            },
+        );
         self.rounds.push_back(visits);
     }
 

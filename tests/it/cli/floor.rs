@@ -35,6 +35,12 @@ fn floor_says_how_often_noise_reaches_a_goal() {
     assert!(shown.starts_with(
         "cartpole: 3 run seeds, 60 episodes each; at the goal: a return of at least 30\n"
     ));
+    assert!(
+        shown.contains(
+            "\nMeans over run seeds, without intervals, which need at least 5 of them; the largest return of all episodes."
+        ),
+        "{shown}"
+    );
     let rows: Vec<Vec<&str>> = shown
         .lines()
         .filter(|line| line.starts_with("| "))

@@ -84,6 +84,8 @@ fn list_shows_a_file() {
         stderr(&unknown),
         "error: cartpol: there is no such file, environment or scenario\n  = help: did you mean `cartpole`?\n"
     );
+    let action = seedbed(&["study", "powr", "team_size"]);
+    assert!(stderr(&action).ends_with("  = help: `seedbed study power`, if that was meant\n"));
 }
 
 /// `list` searches the same directories as the lookup of environments and scenarios by name: the

@@ -102,46 +102,51 @@ impl Direction {
     }
 }
 
-/// A control whose range is not checked yet.
-#[derive(Deserialize)]
-#[serde(rename = "Control")]
-pub(super) enum UncheckedControl {
-    Discrete(DiscreteValues),
-    Continuous(f64, f64),
+/// What is not checked yet, under the names of users, which errors have.
+pub(super) mod unchecked {
+    use super::{Deserialize, DiscreteValues, FiniteNumber, Positive};
+
+    /// A control whose range is not checked yet.
+    #[derive(Deserialize)]
+    pub(in crate::file) enum Control {
+        Discrete(DiscreteValues),
+        Continuous(f64, f64),
+    }
+
+    /// A distribution whose range is not checked yet.
+    #[derive(Deserialize)]
+    pub(in crate::file) enum Distribution {
+        Constant(FiniteNumber),
+        Uniform(f64, f64),
+        Normal(FiniteNumber, Positive),
+        WholeNumber { from: i64, to: i64 },
+    }
 }
 
-/// A distribution whose range is not checked yet.
-#[derive(Deserialize)]
-#[serde(rename = "Distribution")]
-pub(super) enum UncheckedDistribution {
-    Constant(FiniteNumber),
-    Uniform(f64, f64),
-    Normal(FiniteNumber, Positive),
-    WholeNumber { from: i64, to: i64 },
-}
-
-impl TryFrom<UncheckedControl> for Control {
+impl TryFrom<unchecked::Control> for Control {
     type Error = String;
 
-    fn try_from(unchecked: UncheckedControl) -> Result<Self, String> {
+    fn try_from(unchecked: unchecked::Control) -> Result<Self, String> {
         match unchecked {
-            UncheckedControl::Discrete(values) => Ok(Self::Discrete(values)),
-            UncheckedControl::Continuous(low, high) => {
+            unchecked::Control::Discrete(values) => Ok(Self::Discrete(values)),
+            unchecked::Control::Continuous(low, high) => {
                 Ok(Self::Continuous((low, high).try_into()?))
             }
         }
     }
 }
 
-impl TryFrom<UncheckedDistribution> for Distribution {
+impl TryFrom<unchecked::Distribution> for Distribution {
     type Error = String;
 
-    fn try_from(unchecked: UncheckedDistribution) -> Result<Self, String> {
+    fn try_from(unchecked: unchecked::Distribution) -> Result<Self, String> {
         match unchecked {
-            UncheckedDistribution::Constant(value) => Ok(Self::Constant(value)),
-            UncheckedDistribution::Uniform(low, high) => Ok(Self::Uniform((low, high).try_into()?)),
-            UncheckedDistribution::Normal(mean, deviation) => Ok(Self::Normal(mean, deviation)),
-            UncheckedDistribution::WholeNumber { from, to } => {
+            unchecked::Distribution::Constant(value) => Ok(Self::Constant(value)),
+            unchecked::Distribution::Uniform(low, high) => {
+                Ok(Self::Uniform((low, high).try_into()?))
+            }
+            unchecked::Distribution::Normal(mean, deviation) => Ok(Self::Normal(mean, deviation)),
+            unchecked::Distribution::WholeNumber { from, to } => {
                 Ok(Self::WholeNumber(WholeNumbers::new(from, to)?))
             }
         }
