@@ -17,6 +17,7 @@ ID = re.compile(r"[\w.\-/]+-v\d+|[\w.]+:[\w.\-/]+|.+\.py:\w+")
 """Names that only environments of Gymnasium have: with a version, of a module or of a file of Python."""
 
 PLACE_OF_ID = re.compile(r"environment( \S+| with set)?(:\d+:\d+)?: in `(environment\.)?id`: ")
+"""How an error begins that is about the id of an environment in a text that was written for one call."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -105,11 +106,11 @@ class Gymnasium:
         return f"Gymnasium({', '.join([repr(self.id), *(f'{name}={value!r}' for name, value in given.items())])})"
 
 
-def in_python_words(message: str, name: str) -> str:
+def naming_environment(message: str, name: str) -> str:
     """An error in the text of a task that was written for one call: it names the environment, not the place of its id in that text.
 
     Example:
-        >>> print(in_python_words("environment with set: in `environment.id`: the environment fails\\n  | id: \"a.py:B\"\\n  |      ^\\n  = help: …", "B"))
+        >>> print(naming_environment("environment with set: in `environment.id`: the environment fails\\n  | id: \"a.py:B\"\\n  |      ^\\n  = help: …", "B"))
         environment B: the environment fails
           = help: …
     """

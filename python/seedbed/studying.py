@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 from . import programs
 from .errors import RunError
 from .frames import Frames, choose, read_csv
-from .gymnasium_task import Gymnasium, in_python_words, known_id
+from .gymnasium_task import Gymnasium, known_id, naming_environment
 from .notebooks import Figure, Page, Text, is_notebook, updated_output
 from .ron import Expression, quoted, struct
 from .training import Environment, python_path_of, task_name, task_text
@@ -69,7 +69,7 @@ def check(what: Environment | Mapping[str, Any], *others: File) -> Text:
             message = error.message
             if is_task:
                 message = re.sub(rf"{re.escape(str(path))}(:\d+:\d+)?", f"environment {path.stem}", message)
-                message = in_python_words(message, path.stem)
+                message = naming_environment(message, path.stem)
             raise type(error)(None, message.replace(f"{folder}{os.sep}", "")) from None
         text = "\n".join([*printed, *errors])
         text = text.replace(str(path), path.stem) if is_task else text

@@ -25,7 +25,7 @@ import numpy as np
 from . import programs
 from .errors import InputError, RunError
 from .frames import Frames
-from .gymnasium_task import Gymnasium, in_python_words, known_id
+from .gymnasium_task import Gymnasium, known_id, naming_environment
 from .progress import RunProgress, progress_here
 from .reading import Run
 from .ron import Expression, algorithm_text, quoted, ron_text
@@ -455,7 +455,7 @@ def _with_python_words(scenario: _Scenario) -> Iterator[None]:
         message = error.message
         if scenario.written is not None:
             message = message.replace(str(scenario.written), "environment").replace(f"{scenario.written.parent}{os.sep}", "")
-            message = in_python_words(message, scenario.written.stem)
+            message = naming_environment(message, scenario.written.stem)
         message = re.sub(r"\n  seedbed (run .*)$", lambda found: "\n  " + _call(found[1]), message)
         raise type(error)(error.path, message) from None
 

@@ -202,11 +202,7 @@ impl PlotPage<'_> {
             return Vec::new();
         }
         let (panels, key) = states::differences(self.settings, &groups, &reference);
-        if matches!(panels[..], [Panel::HeatMap(_), ..]) {
-            return self.rows_of_maps(panels, Some(&key));
-        }
-        let columns = self.columns(groups.len());
-        layout_rows(panels, columns, 230.0, Some(&key))
+        self.rows_of_states(panels, self.columns(groups.len()), Some(&key))
     }
 
     /// What is subtracted: all agents of the run, also of those that have no panel, or the first run.
@@ -290,15 +286,8 @@ impl PlotPage<'_> {
     fn density(&self) -> Vec<Row> {
         let groups: Vec<StateGroup<'_>> = self.team_groups();
         let (panels, key) = states::density(self.settings, &groups);
-        if matches!(panels[..], [Panel::HeatMap(_), ..]) {
-            return self.rows_of_maps(panels, key.as_ref());
-        }
-        layout_rows(
-            panels,
-            self.runs.len().min(self.columns_of_width(240.0)),
-            230.0,
-            key.as_ref(),
-        )
+        let columns = self.runs.len().min(self.columns_of_width(240.0));
+        self.rows_of_states(panels, columns, key.as_ref())
     }
 
     /// One group per run, with the states of all its agents.
@@ -323,6 +312,14 @@ impl PlotPage<'_> {
         };
         let (panels, key) = states::scatter(self.settings, &groups);
         self.rows_of_maps(panels, key.as_ref())
+    }
+
+    /// Panels of states in rows: maps as large as they fit, others in so many columns.
+    fn rows_of_states(&self, panels: Vec<Panel>, columns: usize, key: Option<&Key>) -> Vec<Row> {
+        if matches!(panels[..], [Panel::HeatMap(_), ..]) {
+            return self.rows_of_maps(panels, key);
+        }
+        layout_rows(panels, columns, 230.0, key)
     }
 
     /// Maps of two axes in rows, to scale if both are lengths.

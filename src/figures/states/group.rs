@@ -61,6 +61,14 @@ impl<'a> StateGroup<'a> {
         number_of_states(u64::from(settings.max_lines), self.state_count())
     }
 
+    /// The pair of axes, as indices among all axes, if two were chosen.
+    pub(super) fn chosen_pair(&self, settings: &FigureSettings) -> Option<[usize; 2]> {
+        match self.scatter_pairs(settings)[..] {
+            [pair] if settings.axes.len() == 2 => Some(pair),
+            _ => None,
+        }
+    }
+
     /// The pairs of axes of scatter plots, as indices among all axes.
     pub(super) fn scatter_pairs(&self, settings: &FigureSettings) -> Vec<[usize; 2]> {
         let axes = self.run.axes.as_ref();

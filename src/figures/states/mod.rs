@@ -54,7 +54,8 @@ pub(super) fn density(
     settings: &FigureSettings,
     groups: &[StateGroup<'_>],
 ) -> (Vec<Panel>, Option<Key>) {
-    if let Some(pair) = chosen_pair(settings, groups.first()) {
+    let pair = groups.first().and_then(|group| group.chosen_pair(settings));
+    if let Some(pair) = pair {
         return density_maps(settings, groups, &[pair]);
     }
     let pixels_of_groups =
@@ -93,7 +94,7 @@ pub(super) fn differences(
     reference: &StateGroup<'_>,
 ) -> (Vec<Panel>, Key) {
     let width = reference.width(settings);
-    let pair = chosen_pair(settings, Some(reference));
+    let pair = reference.chosen_pair(settings);
     let counts = |group: &StateGroup<'_>| match pair {
         Some(_) => group.grids(1),
         None => group.pixels(),
@@ -132,15 +133,6 @@ pub(super) fn differences(
         max: f64::from(max),
     };
     (groups.iter().zip(images).map(panel).collect(), key)
-}
-
-/// The pair of axes, if two were chosen.
-fn chosen_pair(settings: &FigureSettings, group: Option<&StateGroup<'_>>) -> Option<[usize; 2]> {
-    let pairs = group?.scatter_pairs(settings);
-    match pairs[..] {
-        [pair] if settings.axes.len() == 2 => Some(pair),
-        _ => None,
-    }
 }
 
 /// Maps of the density of states on pairs of axes: for each pair, one panel per group, on a common scale.

@@ -40,23 +40,22 @@ impl RecentVisits {
     /// Adds the states that agents visited in a round, and forgets those of the oldest round if there
     /// are more than [`RECENT_ROUNDS`].
     pub fn add_round(&mut self, visits: Vec<(u32, StateBins)>, workers: Workers<'_>) {
-        let forgets = self.rounds.len() >= RECENT_ROUNDS;
-        let oldest = forgets.then(|| self.rounds.pop_front()).flatten();
-        let oldest = oldest.unwrap_or_default();
+        let oldest = if self.rounds.len() < RECENT_ROUNDS {
+            Vec::new()
+        } else {
+            self.rounds.pop_front().unwrap_or_default()
+        };
         let new = visits_of_agents(&visits, self.visitation.len());
         let old = visits_of_agents(&oldest, self.visitation.len());
-        let agents = self.visitation.iter_mut().zip(new).zip(old).collect();
-        workers.map(
-            agents,
-            |((agent, new), old): ((&mut Visitation, &[_]), &[_])| {
-                for (_, states) in new {
-                    agent.add(states);
-                }
-                for (_, states) in old {
-                    agent.remove(states);
-                }
-            },
-        );
+        let agents = self.visitation.iter_mut().zip(new).zip(old);
+        workers.for_each(&mut agents.collect::<Vec<_>>(), |((agent, new), old)| {
+            for (_, states) in *new {
+                agent.add(states);
+            }
+            for (_, states) in *old {
+                agent.remove(states);
+            }
+        });
         self.rounds.push_back(visits);
     }
 
