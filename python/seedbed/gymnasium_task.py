@@ -110,7 +110,8 @@ def naming_environment(message: str, name: str) -> str:
     """An error in the text of a task that was written for one call: it names the environment, not the place of its id in that text.
 
     Example:
-        >>> print(naming_environment("environment with set: in `environment.id`: the environment fails\\n  | id: \"a.py:B\"\\n  |      ^\\n  = help: …", "B"))
+        >>> error = "environment with set: in `environment.id`: the environment fails\\n  | id: B\\n  |      ^\\n  = help: …"
+        >>> print(naming_environment(error, "B"))
         environment B: the environment fails
           = help: …
     """
