@@ -20,7 +20,7 @@ pub(super) struct PrintArgs {
     /// Size of the letters of axis labels in print; lines and ticks are scaled with it [default: 8pt with --width, else 12px; in talks one and a half times as much]
     #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
     font: Option<f64>,
-    /// Leave out the title of the page
+    /// Leave out the title of the page, and that of its panel if there is one only
     #[arg(long)]
     no_title: bool,
     /// Leave out legends and color keys

@@ -320,8 +320,8 @@ impl Film {
                 let episode = self.motion.episode_at(number, self.settings, last);
                 let curves = Panel::Curves(training.curves(episode));
                 let states = training.visited_states(episode);
-                let above = motion.into_iter().chain(states).collect();
-                let mut rows = vec![row(230.0, above), row(120.0, vec![curves])];
+                let mut rows = rows_of_two(motion.into_iter().chain(states));
+                rows.push(row(120.0, vec![curves]));
                 rows.extend(training.key());
                 rows
             }
@@ -333,6 +333,16 @@ impl Film {
             rows,
         }
     }
+}
+
+/// Rows of two panels; a single panel has a row to itself.
+fn rows_of_two(panels: impl Iterator<Item = Panel>) -> Vec<Row> {
+    let mut panels: Vec<Panel> = panels.collect();
+    if panels.len() > 2 && panels.len() % 2 == 1 {
+        panels.push(Panel::Blank);
+    }
+    let rows = panels.chunks(2);
+    rows.map(|panels| row(230.0, panels.to_vec())).collect()
 }
 
 fn row(height: f64, panels: Vec<Panel>) -> Row {

@@ -380,21 +380,21 @@ impl IntervalRow {
         svg.polygon(&[[x, y], [base, y - 4.5], [base, y + 4.5]], self.color, 1.0);
     }
 
-    /// Estimate, interval and number of runs as text, such as `127.5 [80, 134], n = 10`.
+    /// Estimate, interval and number of runs as text, such as `127.5 (80 to 134), n = 10`.
     fn numbers_text(&self) -> String {
         let estimate = self
             .estimate
             .map_or("not reached".to_owned(), format_number);
         let interval = match self.interval {
             None => String::new(),
-            Some([low, high]) if low.is_infinite() && high.is_infinite() => " [open]".to_owned(),
+            Some([low, high]) if low.is_infinite() && high.is_infinite() => " (open)".to_owned(),
             Some([low, high]) if high.is_infinite() => {
-                format!(" [at least {}]", format_number(low))
+                format!(" (at least {})", format_number(low))
             }
             Some([low, high]) if low.is_infinite() => {
-                format!(" [at most {}]", format_number(high))
+                format!(" (at most {})", format_number(high))
             }
-            Some([low, high]) => format!(" [{}, {}]", format_number(low), format_number(high)),
+            Some([low, high]) => format!(" ({} to {})", format_number(low), format_number(high)),
         };
         format!("{estimate}{interval}, n = {}", self.n)
     }
@@ -416,15 +416,15 @@ mod tests {
         };
         assert_eq!(
             row(Some(127.5), Some([80.0, 134.0])).numbers_text(),
-            "127.5 [80, 134], n = 10"
+            "127.5 (80 to 134), n = 10"
         );
         assert_eq!(
             row(None, Some([210.0, f64::INFINITY])).numbers_text(),
-            "not reached [at least 210], n = 10"
+            "not reached (at least 210), n = 10"
         );
         assert_eq!(
             row(Some(3.0), Some([f64::NEG_INFINITY, 7.0])).numbers_text(),
-            "3 [at most 7], n = 10"
+            "3 (at most 7), n = 10"
         );
         assert_eq!(row(None, None).numbers_text(), "not reached, n = 10");
         assert_eq!(row(Some(-6.0), None).numbers_text(), "−6, n = 10");

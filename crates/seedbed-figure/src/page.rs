@@ -71,11 +71,13 @@ impl Figure {
             );
         }
         let mut y = page_area.y + self.title_height();
+        let mut unused = self.unused_above_first_row();
         let mut key_above = None;
         for row in &self.rows {
+            let unused = std::mem::take(&mut unused);
             let area = Rect {
-                y,
-                height: row.height,
+                y: y - unused,
+                height: row.height + unused,
                 ..page_area
             };
             let repeats_key = row.has_maps() && row.key == key_above;
@@ -130,6 +132,27 @@ impl Figure {
 
     fn title_height(&self) -> f64 {
         if self.title.is_empty() { 0.0 } else { 28.0 }
+    }
+
+    /// Height of the titles that neither the figure nor the panels of its first row have, which these panels fill.
+    fn unused_above_first_row(&self) -> f64 {
+        let panels = self.rows.first().map_or(&[][..], |row| &row.panels);
+        let mut titles = panels.iter().map(Panel::title);
+        if self.title.is_empty() && titles.all(str::is_empty) {
+            TITLE_HEIGHT - GAP
+        } else {
+            0.0
+        }
+    }
+
+    /// Leaves out the title of the page, and that of the only panel that has one.
+    pub(super) fn clear_titles(&mut self) {
+        self.title.clear();
+        let panels = self.rows.iter_mut().flat_map(|row| &mut row.panels);
+        let mut titled: Vec<&mut Panel> = panels.filter(|it| !it.title().is_empty()).collect();
+        if let [only] = &mut titled[..] {
+            only.clear_title();
+        }
     }
 
     /// The title of the figure; without one, the title of the first panel that has a title.
@@ -309,6 +332,20 @@ impl Panel {
             | Self::Drawing(Drawing { title, .. })
             | Self::Picture(Picture { title, .. }) => title,
             Self::Key(_) | Self::Blank => "",
+        }
+    }
+
+    fn clear_title(&mut self) {
+        match self {
+            Self::Curves(Curves { title, .. })
+            | Self::ParallelCoordinates(ParallelCoordinates { title, .. })
+            | Self::Scatter(Scatter { title, .. })
+            | Self::HeatMap(HeatMap { title, .. })
+            | Self::Intervals(Intervals { title, .. })
+            | Self::NumberGrid(NumberGrid { title, .. })
+            | Self::Drawing(Drawing { title, .. })
+            | Self::Picture(Picture { title, .. }) => title.clear(),
+            Self::Key(_) | Self::Blank => {}
         }
     }
 }

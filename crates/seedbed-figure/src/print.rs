@@ -79,7 +79,7 @@ impl PrintLayout {
     /// [`width_within`](Self::width_within)
     pub fn apply(&self, figure: &mut Figure, drawn: f64) {
         if self.without_title {
-            figure.title.clear();
+            figure.clear_titles();
         }
         for row in &mut figure.rows {
             if self.without_legends {
@@ -222,5 +222,32 @@ mod tests {
             layout.encode(&figure, Format::Svg).unwrap(),
             svg.into_bytes()
         );
+    }
+
+    /// A figure of one panel has no title at all, and its panel fills the space; several panels keep theirs, which tell them apart.
+    #[test]
+    fn the_title_of_the_only_panel_is_left_out_too() {
+        let layout = PrintLayout {
+            without_title: true,
+            ..PrintLayout::default()
+        };
+        let drawn = |titles: &[&str]| {
+            let mut figure = figure();
+            let panels = titles.iter().map(|title| {
+                Panel::Curves(Curves {
+                    title: (*title).to_owned(),
+                    ..Curves::default()
+                })
+            });
+            figure.rows[0].panels = panels.collect();
+            layout.apply(&mut figure, 760.0);
+            figure.svg()
+        };
+        let (one, two) = (drawn(&["left"]), drawn(&["left", "right"]));
+        assert!(!one.contains("left") && two.contains(">left<") && two.contains(">right<"));
+        assert_eq!(one, drawn(&[""]));
+        // Above the plot are 8 pixels of margin, and 10 of the 24 for a title.
+        let begins_at = |svg: &str, y: &str| svg.contains(&format!(" {y}L"));
+        assert!(begins_at(&one, "18") && begins_at(&two, "32") && !begins_at(&two, "18"));
     }
 }
