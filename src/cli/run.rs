@@ -38,13 +38,14 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     run_and_record(args, Ranks::SINGLE)
 }
 
-/// Plays and learns for the agents of a rank that does not record.
+/// Plays, learns and records for the agents of a rank that does not write the results.
 fn follow(args: &RunArgs, ranks: Ranks) -> Result<(), CliError> {
     let (experiment, folder) = ranks.agree(load(args, ranks))?;
     let options = options(args, folder, ranks);
     let stop_requests = StopRequests::listen_silently();
     let interrupted = stop_requests.flag();
-    experiment.run_in_folder(&options, None, &mut NoProgress, interrupted)?;
+    let recording = run_recorder_factory(args, &options.folder, None);
+    experiment.run_in_folder(&options, recording, &mut NoProgress, interrupted)?;
     let _own_part = exchanged(ranks);
     Ok(())
 }

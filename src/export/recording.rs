@@ -6,6 +6,7 @@ use std::path::Path;
 use super::{ExportError, rounds};
 use crate::record::recording::RecordingFile;
 use crate::record::state_files::StateFiles;
+use crate::run::ranks::Ranks;
 use crate::run::recorder::{BonusRange, Focus, RecorderFactory, RoundRecord, RunInfo};
 use crate::scenario::recording::RecordingSettings;
 use seedbed_learn::team::Workers;
@@ -30,6 +31,7 @@ pub(super) fn write(
         spec: &spec,
         scene: None,
         agents: files.agent_count(),
+        ranks: Ranks::SINGLE,
         bonus: BonusRange::None,
         max_episodes: episode_numbers.max().map_or(1, |last| last + 1),
         run_seed: 0,

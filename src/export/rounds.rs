@@ -3,11 +3,10 @@
 use super::ExportError;
 use crate::record::state_files::StateFiles;
 use crate::record::{ReadError, RecordedEpisode};
-use crate::run::measures::{Measures, RoundRows};
+use crate::run::measures::{Division, Measures, RoundRows};
 use seedbed_env::{Action, Choice, Quantity, TaskSpec};
 use seedbed_learn::agent::UpdateReport;
 use seedbed_learn::experience::Episode;
-use seedbed_learn::team::Workers;
 
 /// Time between two actions if the files do not have it, s.
 const DEFAULT_STEP_SECONDS: f64 = 0.02;
@@ -35,8 +34,7 @@ pub(super) fn for_each(
         let reports: Vec<(u32, UpdateReport)> = agents
             .map(|agent| (agent, UpdateReport::default()))
             .collect();
-        let workers = Workers::CURRENT_THREAD;
-        let rows = measures.add_round(spec, round, &episodes, &reports, workers);
+        let rows = measures.add_round(spec, round, &episodes, &reports, Division::NONE);
         action(round, &episodes, rows)?;
     }
     Ok(())

@@ -8,12 +8,12 @@ use super::distribution::ValueDistribution;
 use super::selection::EpisodeSelection;
 use crate::record::{ReadError, RecordedEpisode, RecordedStates};
 use crate::run::facts::{EpisodeRow, StateQuantity};
+use crate::run::measures::Division;
 use crate::run::measures::diversity::Diversity;
 use crate::run::measures::first_visits::FirstRounds;
 use crate::run::measures::recent::LatestVisits;
 use crate::run::measures::visitation::{StateBins, Visitation, diversity_of_team, known_diversity};
 use seedbed_env::Quantity;
-use seedbed_learn::team::Workers;
 
 /// Maximum number of numbers that are kept in memory between both passes over the values: 128 MB.
 const MAX_KEPT_NUMBERS: usize = 1 << 25;
@@ -205,12 +205,9 @@ impl RecordingStats {
         let agents = &self.visitation;
         let entropy: Vec<f64> = agents.iter().map(Visitation::entropy).collect();
         let overlap = |one: usize, other: usize| {
-            let pair = [agents[one].clone(), agents[other].clone()];
-            let diversity = known_diversity(
-                &pair,
-                &[entropy[one], entropy[other]],
-                Workers::CURRENT_THREAD,
-            );
+            let pair = [&agents[one], &agents[other]];
+            let entropies = [entropy[one], entropy[other]];
+            let diversity = known_diversity(&pair, &entropies, Division::NONE);
             diversity.map(|diversity| diversity.overlap)
         };
         let mut overlaps = vec![Some(1.0); agents.len() * agents.len()];

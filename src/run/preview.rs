@@ -3,6 +3,7 @@
 
 use super::error::RunError;
 use super::execution::RoundRecorder;
+use super::ranks::Ranks;
 use super::training::EpisodeWarning;
 use super::training::Trainer;
 use crate::run::facts::EpisodeRow;
@@ -38,6 +39,7 @@ pub fn record(
         spec: trainer.spec(),
         scene: trainer.scene(),
         agents: 1,
+        ranks: Ranks::SINGLE,
         bonus: BonusRange::None,
         max_episodes: episodes.get(),
         run_seed,

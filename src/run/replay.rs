@@ -4,8 +4,9 @@
 use super::error::RunError;
 use super::evaluate::{EvaluationSettings, load_to_play, play_episode};
 use super::folder::RunFolder;
-use super::measures::Measures;
+use super::measures::{Division, Measures};
 use super::plan::Plan;
+use super::ranks::Ranks;
 use super::training::Trainer;
 use crate::run::facts::EpisodeRow;
 use crate::run::recorder::{BonusRange, Focus, Recorder, RecorderFactory, RoundRecord, RunInfo};
@@ -53,13 +54,7 @@ pub fn replay(
         )?;
         let episodes: Vec<_> = played.episodes.iter().collect();
         let episode_rows = measures
-            .add_round(
-                trainer.spec(),
-                number,
-                &episodes,
-                &[],
-                Workers::CURRENT_THREAD,
-            )
+            .add_round(trainer.spec(), number, &episodes, &[], Division::NONE)
             .episodes;
         recorder.record_round(&RoundRecord {
             round: number,
@@ -127,6 +122,7 @@ fn create_recorder(
         spec: trainer.spec(),
         scene: trainer.scene(),
         agents: trainer.agent_count() as u32,
+        ranks: Ranks::SINGLE,
         bonus: BonusRange::None,
         max_episodes: settings.evaluation.episodes,
         run_seed: plan.scenario.seed,

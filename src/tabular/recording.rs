@@ -3,6 +3,7 @@
 use super::scenario::TabularScenario;
 use super::team::Step;
 use crate::run::facts::EpisodeRow;
+use crate::run::ranks::Ranks;
 use crate::run::recorder::{
     BonusRange, Focus, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo,
 };
@@ -198,6 +199,7 @@ fn create_recorder(
         spec,
         scene: None,
         agents: scenario.agents.count.get(),
+        ranks: Ranks::SINGLE,
         bonus: BonusRange::None,
         max_episodes: scenario.episodes.get(),
         run_seed: scenario.seed,

@@ -4,8 +4,12 @@ use rerun::external::re_log_types::{SetStoreInfo, StoreInfo, StoreSource};
 use rerun::log::{LogMsg, RowId};
 
 use super::error::RecordingError;
+use super::rounds::encode;
+use super::run_constants::RunConstants;
+use super::samples::VisitationStyle;
 use super::scene::SceneWriter;
-use super::{APPLICATION, RerunRecorder, RunInfo, blueprint, description, quantities};
+use super::{APPLICATION, RerunRecorder, RunInfo, Team, blueprint, description, quantities};
+use crate::record::visitation::LineQuota;
 use crate::run::facts::EpisodeDetails;
 use crate::scenario::recording::RecordingSettings;
 
@@ -16,6 +20,31 @@ impl RerunRecorder {
         info: &RunInfo<'_>,
         settings: &RecordingSettings,
     ) -> Result<(), RecordingError> {
+        let (style, line_quota) = (&self.style, self.constants.line_quota);
+        if let Some(team) = &mut self.team {
+            team.write_header(info, settings, style, line_quota)?;
+        }
+        let agents = self.agents.iter();
+        let styles = agents.map(|agent| agent.writers.styles(agent.number, style, line_quota));
+        let styles = styles.collect::<Result<Vec<_>, _>>()?.concat();
+        match &mut self.team {
+            Some(team) if !team.sink.has_no_index() => team.sink.send_chunks(&styles),
+            _ => {
+                let encoded = encode(&styles, &self.store_id)?;
+                self.send_to_file(&[encoded])
+            }
+        }
+    }
+}
+
+impl Team {
+    fn write_header(
+        &mut self,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+        style: &VisitationStyle,
+        line_quota: LineQuota,
+    ) -> Result<(), RecordingError> {
         let source = StoreSource::Other(format!("seedbed {}", env!("CARGO_PKG_VERSION")));
         self.sink.send(&LogMsg::SetStoreInfo(SetStoreInfo {
             row_id: *RowId::new(),
@@ -23,48 +52,40 @@ impl RerunRecorder {
         }))?;
         let mut chunks = description::chunks(info, settings)?.to_vec();
         chunks.push(quantities::chunk(info.spec, info.bonus)?);
-        chunks.extend(
-            self.layouts
-                .annotations(&self.style, &self.writers.images)?,
-        );
-        chunks.extend(
-            self.writers
-                .styles(&self.style, self.constants.line_quota)?,
-        );
+        chunks.extend(self.layouts.annotations(style, &self.writers.images)?);
+        chunks.extend(self.writers.styles(style, line_quota)?);
         self.sink.send_chunks(&chunks)
     }
 
     /// Writes the blueprint. The bounds of scenes are those of the first recorded episodes.
     pub(super) fn write_blueprint(
         &mut self,
+        constants: &RunConstants,
+        style: &VisitationStyle,
         trajectories: &[EpisodeDetails],
     ) -> Result<(), RecordingError> {
-        let scales = self.layouts.color_scales(&self.style.coloring)?;
+        let scales = self.layouts.color_scales(&style.coloring)?;
         self.sink.send_chunks(&scales)?;
-        for message in blueprint::messages(APPLICATION, &self.blueprint_config(trajectories))? {
-            self.sink.send(&message)?;
-        }
-        Ok(())
-    }
-
-    fn blueprint_config(&self, trajectories: &[EpisodeDetails]) -> blueprint::BlueprintConfig {
-        let constants = &self.constants;
         let scenes = self.writers.scenes.iter();
-        blueprint::BlueprintConfig {
-            agents: self.writers.agents.len() as u32,
+        let config = blueprint::BlueprintConfig {
+            agents: constants.agents,
             layouts: self.layouts,
             line_quota: constants.line_quota,
             window: constants.window,
             time_limit: constants.spec.time_limit,
             control_step: constants.spec.control_step,
             focus: constants.focus,
-            colored_by: self.style.coloring.title(),
+            colored_by: style.coloring.title(),
             has_bonus: constants.bonus.exists(),
             difference: constants.difference.clone(),
             scenes: scenes
                 .map(|scene| scene_view(scene, trajectories))
                 .collect(),
+        };
+        for message in blueprint::messages(APPLICATION, &config)? {
+            self.sink.send(&message)?;
         }
+        Ok(())
     }
 }
 

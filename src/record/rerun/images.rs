@@ -22,6 +22,7 @@ use crate::record::visitation::{
     AXIS_HEIGHT, AgentVisits, Axes, BonusMap, CELLS_PER_SIDE, MIN_BRIGHTNESS, Pairs,
     brightness_of_pixels, line_count, most_different, share_difference,
 };
+use crate::run::ranks::Ranks;
 use crate::scenario::recording::Difference;
 use seedbed_figure::color::dark::{diverging_color, sequential_color};
 use seedbed_learn::team::Workers;
@@ -66,28 +67,227 @@ pub(super) struct LabelSeries {
     labels_per_row: usize,
 }
 
-/// The images of each agent and of the team, with the ends of their scales.
+/// The images of one agent that are not written yet.
+#[derive(Clone)]
+pub(super) struct AgentImages {
+    latest: ImageSeries,
+    density: ImageSeries,
+    /// `None` for agents without a bonus.
+    bonus: Option<ImageSeries>,
+}
+
+/// The images of the team, and the ends of its scale and of that of the agents.
 #[derive(Clone)]
 pub(super) struct ImageGroup {
-    agents: Vec<ImageSeries>,
     team: ImageSeries,
     agents_scale: LabelSeries,
     team_scale: LabelSeries,
 }
 
-/// All images of a recording.
+/// All images of a recording but those of single agents.
 #[derive(Clone)]
-pub(super) struct ImageWriter {
+pub(super) struct TeamImages {
     pub(super) latest: ImageGroup,
     pub(super) density: ImageGroup,
     pub(super) bonus: Option<ImageGroup>,
     difference: ImageSeries,
     difference_scale: LabelSeries,
-    compared_agents: Difference,
 }
 
-impl ImageWriter {
-    pub(super) fn new(agents: usize, has_bonus: bool, compared_agents: &Difference) -> Self {
+/// A local agent, of which images are added.
+pub(super) struct DrawnAgent<'a> {
+    pub(super) number: u32,
+    pub(super) visits: &'a AgentVisits,
+    pub(super) images: &'a mut AgentImages,
+}
+
+/// What images show, and how.
+pub(super) struct ImageSettings<'a> {
+    pub(super) style: &'a VisitationStyle,
+    /// The agents of which the difference is drawn.
+    pub(super) difference: &'a Difference,
+    /// The latest rounds.
+    pub(super) rounds: RangeInclusive<u32>,
+    pub(super) moment: Moment,
+    pub(super) ranks: Ranks,
+    pub(super) workers: Workers<'a>,
+}
+
+/// The images that are added at a moment.
+struct DrawnImages {
+    density: Drawn,
+    /// `None` if it is `density`.
+    latest: Option<Drawn>,
+    /// `None` for agents without a bonus.
+    bonus: Option<Drawn>,
+    /// Numbers and densities of the two agents of which the difference is drawn; `None` on ranks other than 0.
+    compared: Option<[(u32, Vec<u32>); 2]>,
+}
+
+/// Images of one kind, with one scale for all agents.
+#[derive(Clone)]
+struct Drawn {
+    /// `[local agents]`
+    agents: Vec<Vec<u8>>,
+    team: Vec<u8>,
+    /// The upper ends of the scale of agents and of that of the team.
+    ends: [String; 2],
+}
+
+/// Adds images of all states visited so far, and of those in the latest rounds: those of the local agents, and on rank 0, which
+/// has a `team`, those of all agents together.
+pub(super) fn add_images(
+    agents: &mut [DrawnAgent<'_>],
+    team: Option<&mut TeamImages>,
+    settings: &ImageSettings<'_>,
+) {
+    let visits = || agents.iter().map(|agent| agent.visits).collect::<Vec<_>>();
+    let densities = settings
+        .workers
+        .map(visits(), |visits| visits.density.pixels());
+    let mut drawn = DrawnImages {
+        density: Drawn::densities(&densities, settings),
+        latest: settings.latest_densities(&visits()),
+        bonus: settings.bonuses(&visits()),
+        compared: compared_densities(agents, densities, settings),
+    };
+    for (index, agent) in agents.iter_mut().enumerate() {
+        agent.images.push(&mut drawn, index, settings.moment);
+    }
+    if let Some(team) = team {
+        team.push(drawn, settings);
+    }
+}
+
+impl ImageSettings<'_> {
+    /// The densities of the latest rounds; `None` if these are all rounds.
+    fn latest_densities(&self, agents: &[&AgentVisits]) -> Option<Drawn> {
+        if *self.rounds.start() == 0 {
+            return None;
+        }
+        let latest = self
+            .workers
+            .map(agents.to_vec(), AgentVisits::latest_density);
+        Some(Drawn::densities(&latest, self))
+    }
+
+    /// The bonuses of the latest rounds; `None` if agents have none.
+    fn bonuses(&self, agents: &[&AgentVisits]) -> Option<Drawn> {
+        let pairs = &self.style.pairs;
+        let maps = agents.iter().map(|visits| visits.latest_bonuses(pairs));
+        let maps: Vec<BonusMap> = maps.collect::<Option<_>>()?;
+        Some(Drawn::bonuses(&maps, pairs, self.ranks))
+    }
+}
+
+/// Numbers and densities of the two agents that are compared, on rank 0.
+fn compared_densities(
+    agents: &[DrawnAgent<'_>],
+    densities: Vec<Vec<u32>>,
+    settings: &ImageSettings<'_>,
+) -> Option<[(u32, Vec<u32>); 2]> {
+    let ranks = settings.ranks;
+    let (one, other) = match settings.difference {
+        Difference::Off => None,
+        Difference::Between(one, other) => Some((**one, **other)),
+        Difference::MostDifferent => {
+            let first_agent = agents.first().map_or(0, |agent| agent.number);
+            most_different(&densities, first_agent, settings.style.axes.width(), ranks)
+        }
+    }?;
+    let numbers = agents.iter().map(|agent| agent.number);
+    let compared = numbers.zip(densities);
+    let compared = compared.filter(|(agent, _)| [one, other].contains(agent));
+    let all = ranks.gather_lists(compared.collect::<Vec<_>>());
+    let of = |agent: u32| all.iter().find(|(number, _)| *number == agent).cloned();
+    Some([of(one)?, of(other)?])
+}
+
+impl Drawn {
+    /// The number of lines per pixel. The ends are the numbers of lines on the brightest pixels.
+    fn densities(agents: &[Vec<u32>], settings: &ImageSettings<'_>) -> Self {
+        let ranks = settings.ranks;
+        let max = agents.iter().flatten().copied().max().unwrap_or(0);
+        let max = ranks.all_gather(max).into_iter().max().unwrap_or(0);
+        let images = settings.workers.map(agents.iter().collect(), |pixels| {
+            density_pixels(pixels, max)
+        });
+        let team = sum_of_densities(agents, ranks);
+        let max_of_team = team.iter().copied().max().unwrap_or(0);
+        let ends = [max, max_of_team].map(|lines| with_thousands_separators(u64::from(lines)));
+        Self {
+            agents: images,
+            team: density_pixels(&team, max_of_team),
+            ends,
+        }
+    }
+
+    /// Mean bonuses. The ends are the largest mean bonuses of a cell.
+    fn bonuses(agents: &[BonusMap], pairs: &Pairs, ranks: Ranks) -> Self {
+        let max = agents.iter().map(BonusMap::max_mean).fold(0.0, f64::max);
+        let max = ranks.all_gather(max).into_iter().fold(0.0, f64::max);
+        let team = BonusMap::of_all(agents, pairs, ranks);
+        let max_of_team = team.max_mean();
+        let images = agents.iter().map(|map| bonus_pixels(map, max, pairs));
+        Self {
+            agents: images.collect(),
+            team: bonus_pixels(&team, max_of_team, pairs),
+            ends: [max, max_of_team].map(|mean| format_number(mean as f32)),
+        }
+    }
+}
+
+impl AgentImages {
+    /// No images of an agent of a team of `team_size` agents.
+    pub(super) fn new(agent: u32, team_size: usize, has_bonus: bool) -> Self {
+        let series = |root: &str, name: &str, kind| {
+            let entity = format!("{root}/agent_{agent}/{name}");
+            ImageSeries::new(entity.into(), kind, images_per_chunk(team_size))
+        };
+        Self {
+            latest: series("visitation", "latest", ImageKind::Density),
+            density: series("visitation", "density", ImageKind::Density),
+            bonus: has_bonus.then(|| series("pairs", "bonus", ImageKind::Colored)),
+        }
+    }
+
+    /// Adds the images of the local agent with this index.
+    fn push(&mut self, drawn: &mut DrawnImages, index: usize, moment: Moment) {
+        let density = std::mem::take(&mut drawn.density.agents[index]);
+        let latest = drawn.latest.as_mut();
+        let latest = latest.map(|drawn| std::mem::take(&mut drawn.agents[index]));
+        self.latest
+            .push(latest.unwrap_or_else(|| density.clone()), moment);
+        self.density.push(density, moment);
+        if let (Some(series), Some(drawn)) = (&mut self.bonus, &mut drawn.bonus) {
+            series.push(std::mem::take(&mut drawn.agents[index]), moment);
+        }
+    }
+
+    /// Takes the images of entities that have enough images for a chunk or, if `all` is set, all
+    /// images.
+    pub(super) fn take(
+        &mut self,
+        all: bool,
+    ) -> impl Iterator<Item = Result<Chunk, RecordingError>> {
+        let densities = [&mut self.latest, &mut self.density].into_iter();
+        let series = densities.chain(&mut self.bonus);
+        series.filter_map(move |series| series.take(all))
+    }
+
+    /// Static formats of the images.
+    pub(super) fn styles(&self, axes: &Axes, pairs: &Pairs) -> Result<Vec<Chunk>, RecordingError> {
+        let densities = [&self.latest, &self.density].into_iter();
+        let densities = densities.map(|series| series.style(density_size(axes)));
+        let bonuses = self.bonus.iter();
+        let bonuses = bonuses.map(|series| series.style(bonus_size(pairs)));
+        densities.chain(bonuses).collect()
+    }
+}
+
+impl TeamImages {
+    /// No images of a team of `agents` agents.
+    pub(super) fn new(agents: usize, has_bonus: bool) -> Self {
         let density =
             |name, labels| ImageGroup::new(agents, "visitation", name, ImageKind::Density, labels);
         let bonus = || ImageGroup::new(agents, "pairs", "bonus", ImageKind::Colored, 2);
@@ -101,54 +301,32 @@ impl ImageWriter {
                 IMAGES_PER_CHUNK,
             ),
             difference_scale: LabelSeries::new("visitation/team/scale/difference/ends", 4),
-            compared_agents: compared_agents.clone(),
         }
     }
 
-    /// Adds images of all states visited so far, and of those in the latest `rounds`.
-    pub(super) fn push(
+    fn push(&mut self, drawn: DrawnImages, settings: &ImageSettings<'_>) {
+        let ImageSettings { rounds, moment, .. } = settings;
+        let note = format!("rounds {} to {}", rounds.start(), rounds.end());
+        let latest = drawn.latest.unwrap_or_else(|| drawn.density.clone());
+        self.latest.push(latest, Some(&note), *moment);
+        self.density.push(drawn.density, None, *moment);
+        if let Some(compared) = drawn.compared {
+            self.push_difference(&compared, settings.style.axes.width(), *moment);
+        }
+        if let (Some(group), Some(bonus)) = (&mut self.bonus, drawn.bonus) {
+            group.push(bonus, Some(&note), *moment);
+        }
+    }
+
+    fn push_difference(
         &mut self,
-        visits: &[AgentVisits],
-        VisitationStyle { axes, pairs, .. }: &VisitationStyle,
-        rounds: RangeInclusive<u32>,
+        [(one, densities_of_one), (other, densities_of_other)]: &[(u32, Vec<u32>); 2],
+        width: usize,
         moment: Moment,
-        workers: Workers<'_>,
     ) {
-        let are_all_latest = *rounds.start() == 0;
-        let rounds = format!("rounds {} to {}", rounds.start(), rounds.end());
-        let note = Some(&*rounds);
-        let agents = || visits.iter().collect::<Vec<_>>();
-        if !are_all_latest {
-            let latest = workers.map(agents(), AgentVisits::latest_density);
-            self.latest.push_densities(&latest, note, moment, workers);
-        }
-        let densities = workers.map(agents(), |agent| agent.density.pixels());
-        if are_all_latest {
-            self.latest
-                .push_densities(&densities, note, moment, workers);
-        }
-        self.density
-            .push_densities(&densities, None, moment, workers);
-        self.push_difference(&densities, axes.width(), moment);
-        if let Some(group) = &mut self.bonus {
-            let bonuses: Vec<BonusMap> = visits
-                .iter()
-                .filter_map(|agent| agent.latest_bonuses(pairs))
-                .collect();
-            group.push_bonuses(&bonuses, pairs, &rounds, moment);
-        }
-    }
-
-    fn push_difference(&mut self, densities: &[Vec<u32>], width: usize, moment: Moment) {
-        let agents = match &self.compared_agents {
-            Difference::Off => None,
-            Difference::Between(one, other) => Some((**one as usize, **other as usize)),
-            Difference::MostDifferent => most_different(densities, width),
-        };
-        let Some((one, other)) = agents else { return };
         let (differences, max) = share_difference(
-            (&densities[one], line_count(&densities[one], width)),
-            (&densities[other], line_count(&densities[other], width)),
+            (densities_of_one, line_count(densities_of_one, width)),
+            (densities_of_other, line_count(densities_of_other, width)),
         );
         self.difference
             .push(difference_pixels(&differences), moment);
@@ -164,18 +342,10 @@ impl ImageWriter {
         &mut self,
         all: bool,
     ) -> impl Iterator<Item = Result<Chunk, RecordingError>> {
-        let groups = [&mut self.latest, &mut self.density]
-            .into_iter()
-            .chain(&mut self.bonus);
-        let of_groups = groups.flat_map(move |group| {
-            let images = group.agents.iter_mut().chain([&mut group.team]);
-            let labels = [&mut group.agents_scale, &mut group.team_scale];
-            images.filter_map(move |series| series.take(all)).chain(
-                labels
-                    .into_iter()
-                    .filter_map(move |series| series.take(all)),
-            )
-        });
+        let groups = [&mut self.latest, &mut self.density].into_iter();
+        let of_groups = groups
+            .chain(&mut self.bonus)
+            .flat_map(move |group| group.take(all));
         let difference = self.difference.take(all);
         of_groups
             .chain(difference)
@@ -184,18 +354,10 @@ impl ImageWriter {
 
     /// Static formats of all images.
     pub(super) fn styles(&self, axes: &Axes, pairs: &Pairs) -> Result<Vec<Chunk>, RecordingError> {
-        let density_size = [axes.width() as u32, AXIS_HEIGHT as u32];
-        let bonus_size = [pairs.width() as u32, CELLS_PER_SIDE as u32];
-        let densities = [&self.latest, &self.density]
-            .into_iter()
-            .flat_map(ImageGroup::image_series)
-            .chain([&self.difference])
-            .map(|series| series.style(density_size));
-        let bonuses = self
-            .bonus
-            .iter()
-            .flat_map(ImageGroup::image_series)
-            .map(|series| series.style(bonus_size));
+        let densities = [&self.latest.team, &self.density.team, &self.difference].into_iter();
+        let densities = densities.map(|series| series.style(density_size(axes)));
+        let bonuses = self.bonus.iter();
+        let bonuses = bonuses.map(|group| group.team.style(bonus_size(pairs)));
         densities.chain(bonuses).collect()
     }
 
@@ -205,18 +367,23 @@ impl ImageWriter {
     }
 }
 
+fn density_size(axes: &Axes) -> [u32; 2] {
+    [axes.width() as u32, AXIS_HEIGHT as u32]
+}
+
+fn bonus_size(pairs: &Pairs) -> [u32; 2] {
+    [pairs.width() as u32, CELLS_PER_SIDE as u32]
+}
+
+fn images_per_chunk(agents: usize) -> usize {
+    (MAX_WAITING_IMAGES / agents.max(1)).clamp(1, IMAGES_PER_CHUNK)
+}
+
 impl ImageGroup {
     fn new(agents: usize, root: &str, name: &str, kind: ImageKind, labels: usize) -> Self {
-        let images_per_chunk = (MAX_WAITING_IMAGES / agents.max(1)).clamp(1, IMAGES_PER_CHUNK);
-        let series = |subject_name: &str| {
-            let entity = format!("{root}/{subject_name}/{name}");
-            ImageSeries::new(entity.into(), kind, images_per_chunk)
-        };
+        let entity = format!("{root}/team/{name}");
         Self {
-            agents: (0..agents)
-                .map(|agent| series(&format!("agent_{agent}")))
-                .collect(),
-            team: series("team"),
+            team: ImageSeries::new(entity.into(), kind, images_per_chunk(agents)),
             agents_scale: LabelSeries::new(&format!("{root}/scale/{name}/ends"), labels),
             team_scale: LabelSeries::new(&format!("{root}/team/scale/{name}/ends"), labels),
         }
@@ -233,76 +400,33 @@ impl ImageGroup {
         ])
     }
 
-    fn image_series(&self) -> impl Iterator<Item = &ImageSeries> {
-        self.agents.iter().chain([&self.team])
-    }
-
-    /// Adds images of the number of lines per pixel. The labels of both scales are the number of
-    /// lines on the brightest pixel, and `note`.
-    fn push_densities(
-        &mut self,
-        agents: &[Vec<u32>],
-        note: Option<&str>,
-        moment: Moment,
-        workers: Workers<'_>,
-    ) {
-        let max = agents
-            .iter()
-            .flat_map(|pixels| pixels.iter())
-            .copied()
-            .max()
-            .unwrap_or(0);
-        let images = workers.map(agents.iter().collect(), |pixels| {
-            density_pixels(pixels, max)
-        });
-        for (series, image) in self.agents.iter_mut().zip(images) {
-            series.push(image, moment);
-        }
-        let team = sum_of_densities(agents);
-        let max_of_team = team.iter().copied().max().unwrap_or(0);
-        self.team.push(density_pixels(&team, max_of_team), moment);
-        let ends = [max, max_of_team].map(|lines| with_thousands_separators(u64::from(lines)));
-        self.push_scale_labels(ends, note, moment);
-    }
-
-    /// Adds images of mean bonuses. The labels of both scales are the largest mean bonus of a cell,
-    /// and `note`.
-    fn push_bonuses(&mut self, agents: &[BonusMap], pairs: &Pairs, note: &str, moment: Moment) {
-        let mut team = BonusMap::new(pairs);
-        for map in agents {
-            team.add_all(map);
-        }
-        let max = agents.iter().map(BonusMap::max_mean).fold(0.0, f64::max);
-        for (series, map) in self.agents.iter_mut().zip(agents) {
-            series.push(bonus_pixels(map, max, pairs), moment);
-        }
-        let max_of_team = team.max_mean();
-        self.team
-            .push(bonus_pixels(&team, max_of_team, pairs), moment);
-        let ends = [max, max_of_team].map(|mean| format_number(mean as f32));
-        self.push_scale_labels(ends, Some(note), moment);
-    }
-
-    fn push_scale_labels(
-        &mut self,
-        [agents_end, team_end]: [String; 2],
-        note: Option<&str>,
-        moment: Moment,
-    ) {
+    /// Adds the image of the team. The labels of both scales are their ends, and `note`.
+    fn push(&mut self, drawn: Drawn, note: Option<&str>, moment: Moment) {
+        self.team.push(drawn.team, moment);
+        let [agents_end, team_end] = drawn.ends;
         let texts = |end: String| [end].into_iter().chain(note.map(ToOwned::to_owned));
         self.agents_scale.push(texts(agents_end), moment);
         self.team_scale.push(texts(team_end), moment);
     }
+
+    fn take(&mut self, all: bool) -> impl Iterator<Item = Result<Chunk, RecordingError>> {
+        let labels = [&mut self.agents_scale, &mut self.team_scale].into_iter();
+        let labels = labels.filter_map(move |series| series.take(all));
+        self.team.take(all).into_iter().chain(labels)
+    }
 }
 
-fn sum_of_densities(densities: &[Vec<u32>]) -> Vec<u32> {
-    let mut sum = vec![0_u32; densities.first().map_or(0, Vec::len)];
-    for pixels in densities {
-        for (sum, lines) in sum.iter_mut().zip(pixels) {
-            *sum = sum.saturating_add(*lines);
+/// The lines of all agents over each pixel.
+fn sum_of_densities(agents: &[Vec<u32>], ranks: Ranks) -> Vec<u32> {
+    let mut sums = vec![0_u64; agents.first().map_or(0, Vec::len)];
+    for pixels in agents {
+        for (sum, lines) in sums.iter_mut().zip(pixels) {
+            *sum += u64::from(*lines);
         }
     }
-    sum
+    let sums = ranks.sum(sums).into_iter();
+    sums.map(|sum| u32::try_from(sum).unwrap_or(u32::MAX))
+        .collect()
 }
 
 /// Brightness of each pixel, as [`brightness_of_pixels`], rounded to one of 16 steps.

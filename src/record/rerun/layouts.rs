@@ -11,7 +11,7 @@ use super::annotations::{
     label_points,
 };
 use super::error::RecordingError;
-use super::images::{ImageGroup, ImageWriter};
+use super::images::{ImageGroup, TeamImages};
 use super::rows::static_chunk;
 use super::samples::VisitationStyle;
 use super::tiles::{ColorBar, Viewport};
@@ -125,7 +125,7 @@ impl Layouts {
     pub(super) fn annotations(
         &self,
         style: &VisitationStyle,
-        images: &ImageWriter,
+        images: &TeamImages,
     ) -> Result<Vec<Chunk>, RecordingError> {
         let mut chunks = self
             .axes
@@ -159,7 +159,7 @@ impl Layouts {
     }
 
     /// The scales of images. The labels of their upper ends are recorded with the images.
-    fn image_scales(&self, images: &ImageWriter) -> Result<Vec<Chunk>, RecordingError> {
+    fn image_scales(&self, images: &TeamImages) -> Result<Vec<Chunk>, RecordingError> {
         let mut chunks = self.density_scales(images)?;
         if let Some(bonus) = &images.bonus {
             chunks.extend(self.bonus_scales(bonus)?);
@@ -168,7 +168,7 @@ impl Layouts {
         Ok(chunks)
     }
 
-    fn density_scales(&self, images: &ImageWriter) -> Result<Vec<Chunk>, RecordingError> {
+    fn density_scales(&self, images: &TeamImages) -> Result<Vec<Chunk>, RecordingError> {
         let [axes, team_axes] = [self.axes, self.team_axes].map(|layout| layout.tiles.color_bar());
         let latest_labels = [axes, team_axes].map(|bar| max_and_note_labels(&bar, -2.15));
         let mut chunks = images.latest.label_styles(&latest_labels)?.to_vec();
@@ -210,7 +210,7 @@ impl Layouts {
         Ok(chunks)
     }
 
-    fn difference_scale(&self, images: &ImageWriter) -> Result<Vec<Chunk>, RecordingError> {
+    fn difference_scale(&self, images: &TeamImages) -> Result<Vec<Chunk>, RecordingError> {
         let bar = self.team_axes.tiles.color_bar();
         let labels = color_bar_labels(&bar, &[("", 2.1), ("", 1.05), ("", -0.05), ("", -1.1)]);
         let mut chunks = vec![images.difference_label_style(&labels)?];

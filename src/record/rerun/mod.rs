@@ -42,17 +42,22 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use rerun::StoreId;
+
 use self::error::RecordingError;
 use self::layouts::Layouts;
 pub use self::live::{DEFAULT_VIEWER, Viewer};
 pub use self::read::Recording;
 use self::resume::State;
+use self::rows::Moment;
 use self::run_constants::RunConstants;
 use self::samples::VisitationStyle;
 pub use self::serve::Server;
-use self::sink::{MessageBytes, Sink, Storage};
-use self::writers::{Due, Writers};
+use self::sink::{EncodedChunks, MessageBytes, Sink, Storage};
+use self::writers::{Due, LocalAgent, TeamWriters, local_agents};
 use super::ReadError;
+use crate::record::visitation::AgentVisits;
+use crate::run::ranks::Ranks;
 use crate::run::recorder::{Attempt, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo};
 use crate::scenario::recording::RecordingSettings;
 use crate::storage::written::WrittenFile;
@@ -108,16 +113,39 @@ impl RecorderFactory for RecordingFile {
         let recorder = RerunRecorder::resume(&self.path, info, settings, checkpoint)?;
         Ok(Box::new(recorder.shown_in(self.live)))
     }
+
+    fn follow(
+        self: Box<Self>,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+        checkpoint: Option<&[u8]>,
+    ) -> Result<Option<Box<dyn Recorder>>, RecordError> {
+        let recorder = RerunRecorder::follow(&self.path, info, settings, checkpoint)?;
+        Ok(Some(Box::new(recorder)))
+    }
 }
 
-/// Writes an `.rrd` file.
+/// Writes an `.rrd` file. If the run is divided over ranks, each collects and encodes the rows of its agents, and rank 0 writes
+/// them; all ranks must make the same calls.
 pub struct RerunRecorder {
     paths: Paths,
-    sink: Sink,
+    ranks: Ranks,
+    store_id: StoreId,
     constants: RunConstants,
     style: VisitationStyle,
+    /// The agents of this rank.
+    agents: Vec<LocalAgent>,
+    /// Whether a round was added.
+    has_begun: bool,
+    /// `None` on ranks other than 0.
+    team: Option<Team>,
+}
+
+/// The file, and what all agents have in common.
+struct Team {
+    sink: Sink,
     layouts: Layouts,
-    writers: Writers,
+    writers: TeamWriters,
     state: State,
 }
 
@@ -168,32 +196,46 @@ impl RerunRecorder {
         let paths = Paths::of(path);
         let resumed = State::from_bytes(bytes).and_then(|mut state| {
             check_clock(SystemTime::now())?;
-            state.check(info, settings)?;
-            let sink = resume::reopen(&paths.part, &paths.done, &mut state)?;
-            Self::from_parts(paths.clone(), sink, info, settings, state)
+            let mut recorder = Self::new(paths.clone(), info, settings, &state)?;
+            recorder.restore(info, &mut state)?;
+            let sink = resume::reopen(&paths.part, &paths.done, info.ranks, &mut state)?;
+            recorder.team = Some(Team::new(sink, info, settings, &recorder.style, state));
+            Ok(recorder)
         });
         resumed.map_err(|error| paths.error(Attempt::Resume, &error))
     }
 
-    fn shown_in(mut self, live: Option<LiveTarget>) -> Self {
-        if let Some(target) = live {
-            self.stream_to(target);
-        }
-        self
+    /// The part of the recorder that belongs to a rank other than 0, from the beginning or from the checkpoint of rank 0.
+    fn follow(
+        path: &Path,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+        bytes: Option<&[u8]>,
+    ) -> Result<Self, RecordError> {
+        let paths = Paths::of(path);
+        let mut state = match bytes {
+            None => Ok(State::start(info)),
+            Some(bytes) => State::from_bytes(bytes),
+        };
+        let started = state
+            .as_mut()
+            .map_err(|error| error.clone())
+            .and_then(|state| {
+                let mut recorder = Self::new(paths.clone(), info, settings, state)?;
+                match bytes {
+                    None => recorder.write_header(info, settings)?,
+                    Some(_) => recorder.restore(info, state)?,
+                }
+                Ok(recorder)
+            });
+        started.map_err(|error| paths.error(Attempt::Resume, &error))
     }
 
-    /// Shows the recording in viewers, from its beginning and while it is written. Failures become
-    /// warnings: the file does not depend on viewers.
-    fn stream_to(&mut self, target: LiveTarget) {
-        let streaming = match target {
-            LiveTarget::Push(mut viewer) => viewer
-                .catch_up(&self.paths.part)
-                .map(|()| self.sink.push_to(viewer)),
-            LiveTarget::Serve(server) => self.sink.serve_from(server, &self.paths.part),
-        };
-        if let Err(error) = streaming {
-            self.sink.warn(error);
+    fn shown_in(mut self, live: Option<LiveTarget>) -> Self {
+        if let (Some(target), Some(team)) = (live, &mut self.team) {
+            team.stream_to(target, &self.paths.part);
         }
+        self
     }
 
     fn start(
@@ -202,57 +244,152 @@ impl RerunRecorder {
         info: &RunInfo<'_>,
         settings: &RecordingSettings,
     ) -> Result<Self, RecordingError> {
-        let state = State::start(info, settings);
-        let sink = Sink::new(state.store_id(), info.agents, storage)?;
-        let mut recorder = Self::from_parts(paths, sink, info, settings, state)?;
+        let state = State::start(info);
+        let mut sink = Sink::new(state.store_id(), info.agents, storage)?;
+        if !info.ranks.is_single() {
+            sink = sink.without_index();
+        }
+        let mut recorder = Self::new(paths, info, settings, &state)?;
+        recorder.team = Some(Team::new(sink, info, settings, &recorder.style, state));
         recorder.write_header(info, settings)?;
         Ok(recorder)
     }
 
-    fn from_parts(
+    /// A recorder without a file.
+    fn new(
         paths: Paths,
-        sink: Sink,
         info: &RunInfo<'_>,
         settings: &RecordingSettings,
-        state: State,
+        state: &State,
     ) -> Result<Self, RecordingError> {
         let style = VisitationStyle::of(info, settings, state.color_range);
         Ok(Self {
             paths,
-            sink,
+            ranks: info.ranks,
+            store_id: state.store_id(),
             constants: RunConstants::of(info, settings),
+            agents: local_agents(info, settings, &style)?,
+            style,
+            has_begun: state.latest.is_some(),
+            team: None,
+        })
+    }
+
+    /// Restores the local agents.
+    fn restore(&mut self, info: &RunInfo<'_>, state: &mut State) -> Result<(), RecordingError> {
+        state.check_team(info)?;
+        let (style, has_bonus) = (&self.style, info.bonus.exists());
+        for agent in &mut self.agents {
+            let number = agent.number as usize;
+            agent.next_step = state.next_steps[number];
+            let visits: AgentVisits = postcard::from_bytes(&state.visits[number])
+                .map_err(|_| RecordingError::Checkpoint)?;
+            if !visits.was_made_for(&style.axes, &style.pairs, has_bonus) {
+                return Err(RecordingError::OtherScenario);
+            }
+            agent.visits = visits;
+        }
+        state.visits.clear();
+        Ok(())
+    }
+
+    /// The state of the recorder, on rank 0; nothing on others.
+    fn save(&mut self) -> Result<Vec<u8>, RecordingError> {
+        let visits = |agent: &LocalAgent| postcard::to_stdvec(&agent.visits);
+        let visits = self.agents.iter().map(visits).collect::<Result<_, _>>();
+        let visits = visits.map_err(|error| RecordingError::Encoding(error.to_string()))?;
+        let visits = self.ranks.gather_lists(visits);
+        let rows = self.unwritten_rows()?;
+        let rows = self.ranks.gather_bytes(rows);
+        let Some(team) = &mut self.team else {
+            return Ok(Vec::new());
+        };
+        team.sink.sync()?;
+        let state = &mut team.state;
+        state.messages = team.sink.message_count();
+        state.written = team.sink.written();
+        state.visits = visits;
+        state.unwritten = EncodedChunks::read(&EncodedChunks::join(&rows)).as_file()?;
+        let bytes = state.to_bytes();
+        (state.visits, state.unwritten) = (Vec::new(), Vec::new());
+        bytes
+    }
+
+    /// The rows of this rank that are not in the file yet, encoded.
+    fn unwritten_rows(&self) -> Result<Vec<u8>, RecordingError> {
+        let mut encoded = MessageBytes::new(&self.store_id)?;
+        for agent in &self.agents {
+            let chunks = agent.writers.clone().take(&self.style, Due::All)?;
+            chunks.iter().try_for_each(|chunk| encoded.add(chunk))?;
+        }
+        if let Some(team) = &self.team {
+            let mut rows = team.writers.clone();
+            rows.write(&self.style, Due::All, &mut |chunk| encoded.add(&chunk))?;
+        }
+        encoded.into_chunks()
+    }
+
+    fn write_rest(&mut self) -> Result<(), RecordingError> {
+        if let Some(team) = &mut self.team {
+            team.state.states_since_write = 0;
+        }
+        self.write_chunks(Due::All, Workers::CURRENT_THREAD)
+    }
+
+    fn complete(&mut self) -> Result<(), RecordingError> {
+        let team = self.team.as_ref();
+        let needs_images = team.and_then(Team::needs_images);
+        if let Some(end) = self.ranks.broadcast(needs_images) {
+            self.add_images(end, Workers::CURRENT_THREAD);
+        }
+        self.write_chunks(Due::All, Workers::CURRENT_THREAD)?;
+        let Some(team) = &mut self.team else {
+            return Ok(());
+        };
+        team.sink.finish()?;
+        Ok(fs::rename(&self.paths.part, &self.paths.done)?)
+    }
+}
+
+impl Team {
+    fn new(
+        sink: Sink,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+        style: &VisitationStyle,
+        state: State,
+    ) -> Self {
+        Self {
+            sink,
             layouts: Layouts::new(
                 info.agents,
                 &style.axes,
                 &style.pairs,
                 style.coloring.color_by,
             ),
-            style,
-            writers: Writers::new(info, settings)?,
+            writers: TeamWriters::new(info, settings),
             state,
-        })
-    }
-
-    fn save(&mut self) -> Result<Vec<u8>, RecordingError> {
-        self.sink.sync()?;
-        self.state.messages = self.sink.message_count();
-        self.state.written = self.sink.written();
-        let mut unwritten = MessageBytes::new(self.sink.store_id())?;
-        let mut rows = self.writers.clone();
-        rows.write(&self.style, Due::All, &mut |chunk| unwritten.add(&chunk))?;
-        self.state.unwritten = unwritten.into_bytes()?;
-        let bytes = self.state.to_bytes();
-        self.state.unwritten = Vec::new();
-        bytes
-    }
-
-    fn complete(&mut self) -> Result<(), RecordingError> {
-        if self.state.latest.is_some() && !self.state.has_latest_images {
-            self.add_images(Workers::CURRENT_THREAD);
         }
-        self.write_chunks(Due::All)?;
-        self.sink.finish()?;
-        Ok(fs::rename(&self.paths.part, &self.paths.done)?)
+    }
+
+    /// Shows the recording in viewers, from its beginning and while it is written. Failures become
+    /// warnings: the file does not depend on viewers.
+    fn stream_to(&mut self, target: LiveTarget, file: &Path) {
+        let streaming = match target {
+            LiveTarget::Push(mut viewer) => {
+                viewer.catch_up(file).map(|()| self.sink.push_to(viewer))
+            }
+            LiveTarget::Serve(server) => self.sink.serve_from(server, file),
+        };
+        if let Err(error) = streaming {
+            self.sink.warn(error);
+        }
+    }
+
+    /// The end of the latest round if there are no images of it yet.
+    fn needs_images(&self) -> Option<Moment> {
+        let has_rounds = self.state.latest.is_some();
+        (has_rounds && !self.state.has_latest_images).then(|| self.end_of_latest_round())
     }
 }
 
@@ -263,8 +400,7 @@ impl Recorder for RerunRecorder {
     }
 
     fn flush(&mut self) -> Result<(), RecordError> {
-        self.state.states_since_write = 0;
-        self.write_chunks(Due::All)
+        self.write_rest()
             .map_err(|error| self.paths.error(Attempt::Write, &error))
     }
 
@@ -274,10 +410,11 @@ impl Recorder for RerunRecorder {
     }
 
     fn written_files(&self) -> Vec<WrittenFile> {
-        vec![WrittenFile {
+        let of_team = |team: &Team| WrittenFile {
             path: self.paths.part.clone(),
-            written: self.state.written,
-        }]
+            written: team.state.written,
+        };
+        self.team.iter().map(of_team).collect()
     }
 
     fn finish(&mut self) -> Result<(), RecordError> {
@@ -286,18 +423,25 @@ impl Recorder for RerunRecorder {
     }
 
     fn take_warning(&mut self) -> Option<String> {
-        self.sink.take_warning().map(|warning| warning.to_string())
+        let warning = self.team.as_mut()?.sink.take_warning();
+        warning.map(|warning| warning.to_string())
     }
 }
 
 /// If the recorder is dropped before the recording is complete, everything recorded so far is
 /// written to `run.rrd.part`. Nothing is added to what the newest checkpoint describes, not even an
-/// index, because only that can be verified.
+/// index, because only that can be verified. Of a run on several ranks, of which none waits for the others, this is what is in the
+/// file already.
 impl Drop for RerunRecorder {
     fn drop(&mut self) {
-        drop(self.write_chunks(Due::All));
-        if self.sink.written() == self.state.written {
-            self.sink.leave_without_index();
+        if !self.ranks.is_single() {
+            return;
+        }
+        drop(self.write_chunks(Due::All, Workers::CURRENT_THREAD));
+        if let Some(Team { sink, state, .. }) = &mut self.team
+            && sink.written() == state.written
+        {
+            sink.leave_without_index();
         }
     }
 }

@@ -136,7 +136,7 @@ fn column(name: &str) -> ComponentDescriptor {
 }
 
 impl RawTable {
-    pub(super) fn new(agent: usize, columns: &Arc<RawColumns>, rows_per_chunk: usize) -> Self {
+    pub(super) fn new(agent: u32, columns: &Arc<RawColumns>, rows_per_chunk: usize) -> Self {
         Self {
             entity: format!("raw/agent_{agent}").into(),
             columns: Arc::clone(columns),

@@ -16,15 +16,13 @@ use serde::{Deserialize, Serialize};
 use super::APPLICATION;
 use super::decode::Messages;
 use super::error::RecordingError;
-use super::samples::VisitationStyle;
 use super::sink::Sink;
-use crate::record::visitation::AgentVisits;
+use crate::run::ranks::Ranks;
 use crate::run::recorder::RunInfo;
-use crate::scenario::recording::RecordingSettings;
 use crate::storage::written::Written;
 
 /// Version of the order and types of the fields of [`State`].
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 
 /// What a recorder needs to resume, in addition to its file.
 #[derive(Serialize, Deserialize)]
@@ -41,8 +39,8 @@ pub(super) struct State {
     pub(super) recording_id: String,
     /// The next step of each agent on the timeline of its steps.
     pub(super) next_steps: Vec<i64>,
-    /// The visited states of each agent.
-    pub(super) visits: Vec<AgentVisits>,
+    /// The visited states of each agent, [`AgentVisits`](crate::record::visitation::AgentVisits); only in a checkpoint. `[K]`
+    pub(super) visits: Vec<Vec<u8>>,
     /// The ends of the color scale of states; `None` before the first round.
     pub(super) color_range: Option<[f32; 2]>,
     /// The team's mean returns of the latest rounds.
@@ -60,17 +58,18 @@ pub(super) struct State {
 impl State {
     /// The state of a recording without rounds. Its id is the run's name and a random suffix, so
     /// that several recordings can be shown together.
-    pub(super) fn start(info: &RunInfo<'_>, settings: &RecordingSettings) -> Self {
+    pub(super) fn start(info: &RunInfo<'_>) -> Self {
         let agents = info.agents as usize;
-        let style = VisitationStyle::of(info, settings, None);
         Self {
             format: FORMAT,
             messages: 0,
             written: Written::default(),
             unwritten: Vec::new(),
-            recording_id: format!("{}-{}", info.name, random_suffix()),
+            recording_id: info
+                .ranks
+                .broadcast(format!("{}-{}", info.name, random_suffix())),
             next_steps: vec![0; agents],
-            visits: vec![AgentVisits::new(&style.axes, info.bonus.exists()); agents],
+            visits: Vec::new(),
             color_range: None,
             latest_returns: VecDeque::new(),
             states_since_write: 0,
@@ -85,20 +84,10 @@ impl State {
         StoreId::recording(APPLICATION, self.recording_id.as_str())
     }
 
-    /// Returns an error if this state has another number of agents, other axes or other panels than
-    /// the run.
-    pub(super) fn check(
-        &self,
-        info: &RunInfo<'_>,
-        settings: &RecordingSettings,
-    ) -> Result<(), RecordingError> {
-        let style = VisitationStyle::of(info, settings, None);
+    /// Returns an error if this checkpoint has another number of agents than the run.
+    pub(super) fn check_team(&self, info: &RunInfo<'_>) -> Result<(), RecordingError> {
         let agents = info.agents as usize;
-        let is_same_team = self.visits.len() == agents && self.next_steps.len() == agents;
-        let has_same_style = |visits: &AgentVisits| {
-            visits.was_made_for(&style.axes, &style.pairs, info.bonus.exists())
-        };
-        if is_same_team && self.visits.iter().all(has_same_style) {
+        if self.visits.len() == agents && self.next_steps.len() == agents {
             Ok(())
         } else {
             Err(RecordingError::OtherScenario)
@@ -132,11 +121,16 @@ fn random_suffix() -> String {
 
 /// Opens `part` with the messages that it had at the checkpoint, and writes the rows of the
 /// checkpoint to it. If `part` does not exist, the messages are copied from `done`.
-pub(super) fn reopen(part: &Path, done: &Path, state: &mut State) -> Result<Sink, RecordingError> {
+pub(super) fn reopen(
+    part: &Path,
+    done: &Path,
+    ranks: Ranks,
+    state: &mut State,
+) -> Result<Sink, RecordingError> {
     let source = if part.exists() { part } else { done };
     state.written.check(source)?;
     let new_part = part.with_extension("resuming");
-    let copied = copy(source, &new_part, state);
+    let copied = copy(source, &new_part, ranks, state);
     if copied.is_err() {
         // Only the first failure is reported.
         drop(fs::remove_file(&new_part));
@@ -146,9 +140,17 @@ pub(super) fn reopen(part: &Path, done: &Path, state: &mut State) -> Result<Sink
     Ok(sink)
 }
 
-fn copy(source: &Path, new_part: &Path, state: &mut State) -> Result<Sink, RecordingError> {
-    let (store, agents) = (state.store_id(), state.visits.len() as u32);
+fn copy(
+    source: &Path,
+    new_part: &Path,
+    ranks: Ranks,
+    state: &mut State,
+) -> Result<Sink, RecordingError> {
+    let (store, agents) = (state.store_id(), state.next_steps.len() as u32);
     let mut sink = Sink::new(store, agents, Box::new(File::create(new_part)?))?;
+    if !ranks.is_single() {
+        sink = sink.without_index();
+    }
     copy_messages(source, state.messages, &mut sink)?;
     // The checkpoint must also describe the new file, in case the run is stopped before the next one.
     if sink.written() != state.written {

@@ -1,14 +1,20 @@
 //! Adds rounds to a recording. Rows are collected, and written after every 4,096 states per agent, or
 //! more often while viewers show the recording.
 
-use super::RerunRecorder;
+use rerun::StoreId;
+use rerun::log::Chunk;
+use serde::{Deserialize, Serialize};
+
 use super::error::RecordingError;
+use super::images::{DrawnAgent, ImageSettings, add_images};
 use super::rows::Moment;
 use super::run_constants::RunConstants;
-use super::samples::{DrawnStateCounts, VisitationStyle};
-use super::writers::{AgentWriters, Due, states_per_write};
-use crate::record::visitation::{AgentVisits, Coloring, first_round};
-use crate::run::facts::EpisodeDetails;
+use super::samples::{DrawnStateCounts, SampleOfTeam, VisitationStyle};
+use super::sink::{EncodedChunks, MessageBytes};
+use super::writers::{Due, LocalAgent, states_per_write};
+use super::{RerunRecorder, Team};
+use crate::record::visitation::{Coloring, first_round};
+use crate::run::facts::{EpisodeDetails, EpisodeRow};
 use crate::run::recorder::{Focus, RoundRecord};
 use seedbed_learn::experience::Episode;
 use seedbed_learn::team::Workers;
@@ -70,185 +76,271 @@ fn share_of_team(lines: usize, position: u64, agents: usize) -> usize {
 
 /// What an agent adds to a recording in a round.
 struct PartOfAgent<'a> {
-    writers: &'a mut AgentWriters,
-    visits: &'a mut AgentVisits,
-    /// The next free position on the agent's timeline of steps.
-    next_step: &'a mut i64,
+    agent: &'a mut LocalAgent,
     /// In the order of their numbers; none if the agent finished none.
     episodes: &'a [&'a Episode],
-    /// First and last moment of each episode.
-    moments: Vec<[Moment; 2]>,
 }
 
 impl PartOfAgent<'_> {
     /// Adds the episodes. The random stream that samples states depends only on the run seed, the
     /// agent and the round. So the sample does not depend on other agents or interruptions.
-    fn add(
-        &mut self,
-        round: &RoundRecord<'_>,
-        constants: &RunConstants,
-        style: &VisitationStyle,
-        team_size: usize,
-    ) {
-        let agent = self.episodes.first().map_or(0, |episode| episode.agent);
-        let mut random = stream(constants.run_seed, Purpose::Recording, agent, round.round);
+    fn add(&mut self, round: &RoundRecord<'_>, constants: &RunConstants, style: &VisitationStyle) {
+        let LocalAgent {
+            number,
+            writers,
+            visits,
+            next_step,
+        } = &mut *self.agent;
+        let mut random = stream(constants.run_seed, Purpose::Recording, *number, round.round);
         for (index, episode) in self.episodes.iter().enumerate() {
             let quota = constants.line_quota;
             let of_agent = quota.lines_of_episode(index, self.episodes.len(), episode.length());
-            let position = u64::from(agent) + u64::from(round.round);
+            let position = u64::from(*number) + u64::from(round.round);
             let drawn = DrawnStateCounts {
                 of_agent,
-                of_team: share_of_team(of_agent, position, team_size),
+                of_team: share_of_team(of_agent, position, constants.agents as usize),
             };
-            let [first, end] = reserve_moments(self.next_step, episode);
-            self.moments.push([first, end]);
+            let [first, end] = reserve_moments(next_step, EpisodeLength::from(*episode));
             let step_data = round.step_data_of(episode);
             if episode.episode.is_multiple_of(constants.raw_every) {
-                let details = round.details_of(episode);
+                let details = round.details_of(*number, episode.episode);
                 let info = details.map_or(&[][..], |details| &details.info);
-                self.writers.raw.add(episode, info, step_data, first);
+                writers.raw.add(episode, info, step_data, first);
             }
             style.add(
                 (episode, step_data),
                 end,
-                self.visits,
-                [&mut self.writers.sample, &mut self.writers.for_team],
+                visits,
+                [&mut writers.sample, &mut writers.for_team],
                 drawn,
                 &mut random,
             );
         }
-        self.visits.end_round(round.round, constants.window);
+        visits.end_round(round.round, constants.window);
+    }
+}
+
+/// An episode on the timelines.
+#[derive(Clone, Copy)]
+struct EpisodeLength {
+    episode: u32,
+    round: u32,
+    steps: u32,
+}
+
+impl From<&Episode> for EpisodeLength {
+    fn from(episode: &Episode) -> Self {
+        Self {
+            episode: episode.episode,
+            round: episode.round,
+            steps: episode.length() as u32,
+        }
+    }
+}
+
+impl From<&EpisodeRow> for EpisodeLength {
+    fn from(row: &EpisodeRow) -> Self {
+        Self {
+            episode: row.episode,
+            round: row.round,
+            steps: row.length,
+        }
     }
 }
 
 /// Reserves positions for an episode on the timeline of steps of its agent, and returns its first and
 /// its last moment.
-fn reserve_moments(next_step: &mut i64, episode: &Episode) -> [Moment; 2] {
+fn reserve_moments(next_step: &mut i64, episode: EpisodeLength) -> [Moment; 2] {
     let first = Moment {
         env_step: *next_step,
         episode: episode.episode.into(),
         round: episode.round.into(),
     };
     let end = Moment {
-        env_step: *next_step + episode.length() as i64,
+        env_step: *next_step + i64::from(episode.steps),
         ..first
     };
     *next_step = end.env_step + 1;
     [first, end]
 }
 
+/// What is done after a round, which rank 0 decides.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(super) struct AfterRound {
+    /// The end of the round, at the largest step number of any agent.
+    pub(super) end: Moment,
+    /// Whether images are added.
+    pub(super) has_images: bool,
+    /// The rows that are written.
+    pub(super) due: Due,
+}
+
 impl RerunRecorder {
     /// Adds a round, and writes the chunks that are full.
     pub(super) fn add_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordingError> {
-        if self.state.latest.is_none() {
-            self.set_color_range(round.episodes);
-            self.write_blueprint(round.details)?;
+        if !self.has_begun {
+            self.set_color_range(round.episode_rows);
+            if let Some(team) = &mut self.team {
+                team.write_blueprint(&self.constants, &self.style, round.details)?;
+            }
+            self.has_begun = true;
         }
         self.add_episodes(round);
-        let latest_episode = round.episodes.iter().map(|episode| episode.episode).max();
-        let latest_episode = latest_episode.map_or(0, i64::from);
-        self.state.latest = Some((round.round.into(), latest_episode));
-        self.state.has_latest_images = false;
-        let end = self.end_of_latest_round();
-        self.writers.curves.add_round(
-            round.episode_rows,
-            round.round_rows,
-            end,
-            &mut self.state.latest_returns,
-        );
-        self.count_states(round.episodes);
-        if self.are_images_due(round.round) {
-            self.add_images(round.workers);
+        self.add_shared(round);
+        let after = self
+            .team
+            .as_mut()
+            .map(|team| team.after(round, &self.constants));
+        let after = self.ranks.broadcast(after.unwrap_or_default());
+        if after.has_images {
+            self.add_images(after.end, round.workers);
         }
-        let due = self.due_rows();
-        self.write_chunks(due)
+        self.write_chunks(after.due, round.workers)
     }
 
-    fn count_states(&mut self, episodes: &[&Episode]) {
-        let states = |episode: &&Episode| episode.length() as u64 + 1;
-        let states: u64 = episodes.iter().map(states).sum();
-        self.state.states_since_write += states;
-        self.state.states_since_images += states;
-    }
-
-    /// Whether a round gets images: early rounds, and rounds of the interval between images if the
-    /// agents have visited enough states since the latest images.
-    fn are_images_due(&self, round: u32) -> bool {
-        if self.constants.focus == Focus::Motion {
-            return false;
-        }
-        let every = self.constants.density_every;
-        let agents = self.writers.agents.len() as u64;
-        let min_states = u64::from(every) * STATES_PER_IMAGE_ROUND * agents;
-        let has_enough_states = self.state.states_since_images >= min_states;
-        is_early(round, every) || (has_images(round, every) && has_enough_states)
-    }
-
-    /// The rows that are written after the latest round. Depends on numbers of states only, not on
-    /// clocks, so that repeated runs write the same chunks.
-    fn due_rows(&mut self) -> Due {
-        let agents = self.writers.agents.len();
-        let states_per_agent = if self.sink.has_viewers() {
-            STATES_PER_WRITE_TO_VIEWERS
-        } else {
-            states_per_write(agents as u32)
-        };
-        if self.state.states_since_write < (agents * states_per_agent) as u64 {
-            return Due::FullChunks;
-        }
-        self.state.states_since_write = 0;
-        Due::Shown
-    }
-
-    /// Adds the episodes of a round: those of each agent by themselves, then, in the order of agents,
-    /// what all agents share.
+    /// Adds the episodes of each local agent.
     fn add_episodes(&mut self, round: &RoundRecord<'_>) {
         let (constants, style) = (&self.constants, &self.style);
         let episodes = round.episodes.chunk_by(|one, next| one.agent == next.agent);
         let mut episodes = episodes.peekable();
-        let agents = self.writers.agents.iter_mut().zip(&mut self.state.visits);
-        let agents = agents.zip(&mut self.state.next_steps);
         let mut parts = Vec::new();
-        for (agent, ((writers, visits), next_step)) in (0..).zip(agents) {
-            let own = episodes.next_if(|episodes| episodes[0].agent == agent);
-            parts.push(PartOfAgent {
-                writers,
-                visits,
-                next_step,
-                episodes: own.unwrap_or_default(),
-                moments: Vec::new(),
-            });
+        for agent in &mut self.agents {
+            let own = episodes.next_if(|episodes| episodes[0].agent == agent.number);
+            let episodes = own.unwrap_or_default();
+            parts.push(PartOfAgent { agent, episodes });
         }
-        let team_size = parts.len();
-        let states: usize = round
-            .episodes
-            .iter()
-            .map(|episode| episode.length() + 1)
-            .sum();
-        let workers = if states < MIN_SHARED_STATES {
+        let lengths = round.episodes.iter().map(|episode| episode.length() + 1);
+        let workers = if lengths.sum::<usize>() < MIN_SHARED_STATES {
             Workers::CURRENT_THREAD
         } else {
             round.workers
         };
-        workers.for_each(&mut parts, |part| {
-            part.add(round, constants, style, team_size);
-        });
-        let moments: Vec<_> = parts.into_iter().flat_map(|part| part.moments).collect();
-        self.add_shared(round, &moments);
+        workers.for_each(&mut parts, |part| part.add(round, constants, style));
     }
 
-    /// Adds the sample of the team, the returns and the bodies of all episodes. `moments`: the first and
-    /// the last one of each episode
-    fn add_shared(&mut self, round: &RoundRecord<'_>, moments: &[[Moment; 2]]) {
-        for agent in &mut self.writers.agents {
-            self.writers.team.append(&mut agent.for_team);
+    /// Adds the sample of the team, in the order of agents, and on rank 0 the returns and the bodies of all episodes.
+    fn add_shared(&mut self, round: &RoundRecord<'_>) {
+        let mut sample = SampleOfTeam::default();
+        for agent in &mut self.agents {
+            agent.writers.for_team.move_to(&mut sample);
         }
-        for (row, [_, end]) in round.episode_rows.iter().zip(moments) {
-            self.writers.curves.add_episode(row, *end);
+        let samples = self.ranks.gather(sample);
+        if let Some(team) = &mut self.team {
+            for sample in samples {
+                team.writers.sample.append(sample);
+            }
+            team.add_episodes(round);
         }
-        for (episode, [first, _]) in round.episodes.iter().zip(moments) {
-            if let Some(details) = round.details_of(episode) {
-                self.add_scene(details, *first);
+    }
+
+    /// Writes collected rows.
+    pub(super) fn write_chunks(
+        &mut self,
+        due: Due,
+        workers: Workers<'_>,
+    ) -> Result<(), RecordingError> {
+        self.write_agents(due, workers)?;
+        let (style, Some(team)) = (&self.style, &mut self.team) else {
+            return Ok(());
+        };
+        let Team { writers, sink, .. } = team;
+        writers.write(style, due, &mut |chunk| sink.send_chunk(&chunk))
+    }
+
+    /// Writes rows of agents. If the file has an index, rank 0 encodes them, otherwise all ranks and threads.
+    fn write_agents(&mut self, due: Due, workers: Workers<'_>) -> Result<(), RecordingError> {
+        let style = &self.style;
+        if let Some(team) = &mut self.team
+            && !team.sink.has_no_index()
+        {
+            let mut agents = self.agents.iter_mut();
+            return agents.try_for_each(|agent| {
+                let chunks = agent.writers.take(style, due)?;
+                team.sink.send_chunks(&chunks)
+            });
+        }
+        let store_id = &self.store_id;
+        let agents = self.agents.iter_mut().collect();
+        let encoded = workers.map(agents, |agent: &mut LocalAgent| {
+            encode(&agent.writers.take(style, due)?, store_id)
+        });
+        let encoded: Vec<Vec<u8>> = encoded.into_iter().collect::<Result<_, _>>()?;
+        self.send_to_file(&encoded)
+    }
+
+    /// Writes encoded chunks of all ranks to the file, which has no index.
+    pub(super) fn send_to_file(&mut self, encoded: &[Vec<u8>]) -> Result<(), RecordingError> {
+        let all = self.ranks.gather_bytes(EncodedChunks::join(encoded));
+        match &mut self.team {
+            Some(Team { sink, .. }) => all
+                .iter()
+                .try_for_each(|bytes| sink.append(&EncodedChunks::read(bytes))),
+            None => Ok(()),
+        }
+    }
+
+    /// Adds images of the states visited so far and in the latest rounds, after the round that ends at `end`. A recording of
+    /// motion, which is played from its beginning, has them once, at its beginning.
+    pub(super) fn add_images(&mut self, end: Moment, workers: Workers<'_>) {
+        let moment = match self.constants.focus {
+            Focus::Motion => Moment::default(),
+            Focus::Learning => end,
+        };
+        let last_round = end.round as u32;
+        let settings = ImageSettings {
+            style: &self.style,
+            difference: &self.constants.difference,
+            rounds: first_round(last_round, self.constants.window)..=last_round,
+            moment,
+            ranks: self.ranks,
+            workers,
+        };
+        let team = self.team.as_mut().map(|team| &mut team.writers.images);
+        let agents = self.agents.iter_mut().map(|agent| DrawnAgent {
+            number: agent.number,
+            visits: &agent.visits,
+            images: &mut agent.writers.images,
+        });
+        add_images(&mut agents.collect::<Vec<_>>(), team, &settings);
+    }
+
+    /// Sets the color scale of states for the whole run, using the returns of the first round, which rank 0 knows.
+    fn set_color_range(&mut self, first_round: &[EpisodeRow]) {
+        let constants = &self.constants;
+        let range = Coloring::range_for_run(
+            self.style.coloring.color_by,
+            &constants.spec,
+            constants.max_episodes,
+            constants.bonus,
+            first_round,
+        );
+        let range = self.ranks.broadcast(range);
+        self.style.coloring.range = range;
+        if let Some(team) = &mut self.team {
+            team.state.color_range = Some(range);
+        }
+    }
+}
+
+/// The messages of chunks.
+pub(super) fn encode(chunks: &[Chunk], store_id: &StoreId) -> Result<Vec<u8>, RecordingError> {
+    if chunks.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut encoded = MessageBytes::new(store_id)?;
+    chunks.iter().try_for_each(|chunk| encoded.add(chunk))?;
+    encoded.into_chunks()
+}
+
+impl Team {
+    /// Adds the returns and the bodies of all episodes.
+    fn add_episodes(&mut self, round: &RoundRecord<'_>) {
+        for row in round.episode_rows {
+            let next_step = &mut self.state.next_steps[row.agent as usize];
+            let [first, end] = reserve_moments(next_step, EpisodeLength::from(row));
+            self.writers.curves.add_episode(row, end);
+            if let Some(details) = round.details_of(row.agent, row.episode) {
+                self.add_scene(details, first);
             }
         }
     }
@@ -261,8 +353,62 @@ impl RerunRecorder {
         }
     }
 
+    /// Adds what is known at the end of a round, and decides what is done then.
+    fn after(&mut self, round: &RoundRecord<'_>, constants: &RunConstants) -> AfterRound {
+        let rows = round.episode_rows;
+        let latest_episode = rows.iter().map(|row| row.episode).max();
+        let latest_episode = latest_episode.map_or(0, i64::from);
+        self.state.latest = Some((round.round.into(), latest_episode));
+        let end = self.end_of_latest_round();
+        let latest_returns = &mut self.state.latest_returns;
+        self.writers
+            .curves
+            .add_round(rows, round.round_rows, end, latest_returns);
+        let states: u64 = rows.iter().map(|row| u64::from(row.length) + 1).sum();
+        self.state.states_since_write += states;
+        self.state.states_since_images += states;
+        let has_images = self.are_images_due(round.round, constants);
+        self.state.has_latest_images = has_images;
+        if has_images {
+            self.state.states_since_images = 0;
+        }
+        AfterRound {
+            end,
+            has_images,
+            due: self.due_rows(constants),
+        }
+    }
+
+    /// Whether a round gets images: early rounds, and rounds of the interval between images if the
+    /// agents have visited enough states since the latest images.
+    fn are_images_due(&self, round: u32, constants: &RunConstants) -> bool {
+        if constants.focus == Focus::Motion {
+            return false;
+        }
+        let every = constants.density_every;
+        let min_states = u64::from(every) * STATES_PER_IMAGE_ROUND * u64::from(constants.agents);
+        let has_enough_states = self.state.states_since_images >= min_states;
+        is_early(round, every) || (has_images(round, every) && has_enough_states)
+    }
+
+    /// The rows that are written after the latest round. Depends on numbers of states only, not on
+    /// clocks, so that repeated runs write the same chunks.
+    fn due_rows(&mut self, constants: &RunConstants) -> Due {
+        let states_per_agent = if self.sink.has_viewers() {
+            STATES_PER_WRITE_TO_VIEWERS
+        } else {
+            states_per_write(constants.agents)
+        };
+        let states = u64::from(constants.agents) * states_per_agent as u64;
+        if self.state.states_since_write < states {
+            return Due::FullChunks;
+        }
+        self.state.states_since_write = 0;
+        Due::Shown
+    }
+
     /// The end of the latest round, at the largest step number of any agent.
-    fn end_of_latest_round(&self) -> Moment {
+    pub(super) fn end_of_latest_round(&self) -> Moment {
         let (round, episode) = self.state.latest.unwrap_or_default();
         let next_step = self.state.next_steps.iter().max();
         Moment {
@@ -270,56 +416,6 @@ impl RerunRecorder {
             episode,
             round,
         }
-    }
-
-    /// Writes collected rows.
-    pub(super) fn write_chunks(&mut self, due: Due) -> Result<(), RecordingError> {
-        let Self {
-            writers,
-            style,
-            sink,
-            ..
-        } = self;
-        writers.write(style, due, &mut |chunk| sink.send_chunk(&chunk))
-    }
-
-    /// Adds images of the states visited so far and in the latest rounds. A recording of motion, which
-    /// is played from its beginning, has them once, at its beginning.
-    pub(super) fn add_images(&mut self, workers: Workers<'_>) {
-        let end_of_latest_round = self.end_of_latest_round();
-        let moment = match self.constants.focus {
-            Focus::Motion => Moment::default(),
-            Focus::Learning => end_of_latest_round,
-        };
-        let last_round = end_of_latest_round.round as u32;
-        let rounds = first_round(last_round, self.constants.window)..=last_round;
-        let Self {
-            writers,
-            state,
-            style,
-            ..
-        } = self;
-        writers
-            .images
-            .push(&state.visits, style, rounds, moment, workers);
-        self.state.has_latest_images = true;
-        self.state.states_since_images = 0;
-    }
-
-    /// Sets the color scale of states for the whole run, using the returns of the first round.
-    fn set_color_range(&mut self, first_round_episodes: &[&Episode]) {
-        let Self {
-            constants, style, ..
-        } = self;
-        let range = Coloring::range_for_run(
-            style.coloring.color_by,
-            &constants.spec,
-            constants.max_episodes,
-            constants.bonus,
-            first_round_episodes,
-        );
-        style.coloring.range = range;
-        self.state.color_range = Some(range);
     }
 }
 

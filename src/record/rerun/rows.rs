@@ -13,6 +13,8 @@ use rerun::{
     TimePoint, Timeline, TimelineName,
 };
 
+use serde::{Deserialize, Serialize};
+
 use super::error::RecordingError;
 
 /// The timeline of steps. An episode of T steps occupies T + 1 positions on it; the last position
@@ -24,7 +26,7 @@ pub(super) const EPISODE: &str = "episode";
 pub(super) const ROUND: &str = "round";
 
 /// A position on all three timelines.
-#[derive(Default, Clone, Copy, Debug)]
+#[derive(Default, Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Moment {
     pub(super) env_step: i64,
     pub(super) episode: i64,
@@ -32,7 +34,7 @@ pub(super) struct Moment {
 }
 
 /// The moments of collected rows.
-#[derive(Clone, Default)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Moments {
     env_steps: Vec<i64>,
     episodes: Vec<i64>,

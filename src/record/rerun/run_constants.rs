@@ -13,6 +13,8 @@ pub(super) struct RunConstants {
     pub(super) bonus: BonusRange,
     pub(super) max_episodes: u32,
     pub(super) run_seed: u64,
+    /// Number of agents of the team.
+    pub(super) agents: u32,
     /// Number of states that are drawn as lines and points.
     pub(super) line_quota: LineQuota,
     /// Number of latest rounds in one image.
@@ -33,6 +35,7 @@ impl RunConstants {
             bonus: info.bonus,
             max_episodes: info.max_episodes,
             run_seed: info.run_seed,
+            agents: info.agents,
             line_quota: LineQuota::of(settings.lines.get(), settings.window.get()),
             window: settings.window.get(),
             density_every: settings.density_every.get(),

@@ -10,6 +10,8 @@ use rerun::external::arrow::datatypes::{DataType, Field};
 use rerun::log::Chunk;
 use rerun::{EntityPath, LineStrips2D, Points2D, SerializedComponentColumn};
 
+use serde::{Deserialize, Serialize};
+
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk, strips};
 use crate::record::visitation::{AgentVisits, Axes, Coloring, Pairs, VisitedState, sample_states};
@@ -33,10 +35,20 @@ pub(super) struct SampleWriter {
     points: MarkSeries,
 }
 
+/// Lines and points that agents add to the sample of the team.
+#[derive(Default, Serialize, Deserialize)]
+pub(super) struct SampleOfTeam([Marks; 2]);
+
 /// The lines or points of one entity that are not written yet.
 #[derive(Clone)]
 struct MarkSeries {
     entity: EntityPath,
+    marks: Marks,
+}
+
+/// Lines or points.
+#[derive(Clone, Default, Serialize, Deserialize)]
+struct Marks {
     moments: Moments,
     coordinates: Vec<f32>,
     /// One color per line or point; empty if states have the color of their agent.
@@ -132,31 +144,39 @@ impl SampleWriter {
         axis_positions: &[f32],
         color: Option<[u8; 3]>,
     ) {
-        self.lines
+        let [lines, points] = [&mut self.lines.marks, &mut self.points.marks];
+        lines
             .coordinates
             .extend(style.axes.line(axis_positions).flatten());
-        self.points
+        points
             .coordinates
             .extend(style.pairs.points(state).flatten());
         let color = color.map(|color| rgb(color).to_u32());
-        self.lines.colors.extend(color);
-        self.points.colors.extend(
+        lines.colors.extend(color);
+        points.colors.extend(
             color
                 .into_iter()
                 .flat_map(|color| vec![color; style.pairs.panels().len()]),
         );
     }
 
-    /// Takes the states of another writer, which has those of later episodes or agents.
-    pub(super) fn append(&mut self, other: &mut Self) {
-        self.lines.append(&mut other.lines);
-        self.points.append(&mut other.points);
+    /// Moves the states to a sample that has those of earlier episodes or agents.
+    pub(super) fn move_to(&mut self, sample: &mut SampleOfTeam) {
+        let [lines, points] = &mut sample.0;
+        lines.append(&mut self.lines.marks);
+        points.append(&mut self.points.marks);
+    }
+
+    /// Adds the states of later episodes or agents.
+    pub(super) fn append(&mut self, SampleOfTeam([mut lines, mut points]): SampleOfTeam) {
+        self.lines.marks.append(&mut lines);
+        self.points.marks.append(&mut points);
     }
 
     fn end_episode(&mut self, states: usize, end: Moment) {
         for series in [&mut self.lines, &mut self.points] {
-            series.moments.push(end);
-            series.states_per_row.push(states);
+            series.marks.moments.push(end);
+            series.marks.states_per_row.push(states);
         }
     }
 
@@ -222,21 +242,10 @@ impl SampleWriter {
 
 impl MarkSeries {
     fn new(entity: String) -> Self {
-        let (coordinates, colors, states_per_row) = (Vec::new(), Vec::new(), Vec::new());
         Self {
             entity: entity.into(),
-            moments: Moments::default(),
-            coordinates,
-            colors,
-            states_per_row,
+            marks: Marks::default(),
         }
-    }
-
-    fn append(&mut self, other: &mut Self) {
-        self.moments.append(&mut other.moments);
-        self.coordinates.append(&mut other.coordinates);
-        self.colors.append(&mut other.colors);
-        self.states_per_row.append(&mut other.states_per_row);
     }
 
     /// Takes the collected lines or points as a chunk. Each state has `marks_per_state` lines or
@@ -247,16 +256,15 @@ impl MarkSeries {
         color_descriptor: rerun::ComponentDescriptor,
         mark_column: impl FnOnce(Vec<f32>, usize) -> (rerun::ComponentDescriptor, ArrayRef),
     ) -> Option<Result<Chunk, RecordingError>> {
-        let (moments, colors) = (
-            std::mem::take(&mut self.moments),
-            std::mem::take(&mut self.colors),
-        );
-        let marks_per_row: Vec<usize> = std::mem::take(&mut self.states_per_row)
-            .into_iter()
-            .map(|states| states * marks_per_state)
-            .collect();
+        let Marks {
+            moments,
+            coordinates,
+            colors,
+            states_per_row,
+        } = std::mem::take(&mut self.marks);
+        let rows = states_per_row.into_iter();
+        let marks_per_row: Vec<usize> = rows.map(|states| states * marks_per_state).collect();
         let states = marks_per_row.iter().sum::<usize>() / marks_per_state.max(1);
-        let coordinates = std::mem::take(&mut self.coordinates);
         if coordinates.is_empty() {
             return None;
         }
@@ -271,6 +279,15 @@ impl MarkSeries {
                 .chain(color_column)
                 .collect();
         Some(moments.into_chunk(&self.entity, columns))
+    }
+}
+
+impl Marks {
+    fn append(&mut self, other: &mut Self) {
+        self.moments.append(&mut other.moments);
+        self.coordinates.append(&mut other.coordinates);
+        self.colors.append(&mut other.colors);
+        self.states_per_row.append(&mut other.states_per_row);
     }
 }
 

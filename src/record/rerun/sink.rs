@@ -9,7 +9,7 @@
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use rerun::StoreId;
 use rerun::external::re_log_encoding::rrd::{
@@ -51,13 +51,13 @@ const MAX_INDEX_SIZE: u64 = 8192;
 /// The encoded file of one recording.
 pub(super) struct Sink {
     store_id: StoreId,
-    encoder: Option<Encoder<SyncOnFlush>>,
+    encoder: Option<Encoder<HashedFile>>,
     message_count: u64,
     max_indexed_messages: u64,
     /// Number of bytes of the header and all messages.
     length: u64,
-    /// Hash of all bytes that the encoder has written.
-    hash: Arc<Mutex<WrittenHash>>,
+    /// The file, to which the encoder writes.
+    file: HashedFile,
     /// The error of the first failed call, which all later calls return.
     error: Option<RecordingError>,
     viewer: Option<Viewer>,
@@ -72,11 +72,8 @@ impl Sink {
         agents: u32,
         storage: Box<dyn Storage>,
     ) -> Result<Self, RecordingError> {
-        let hash = Arc::new(Mutex::new(WrittenHash::new()));
-        let encoder = new_encoder(SyncOnFlush {
-            storage,
-            hash: Arc::clone(&hash),
-        })?;
+        let file = HashedFile::new(storage);
+        let encoder = new_encoder(file.clone())?;
         let length = StreamHeader::ENCODED_SIZE_BYTES as u64;
         Ok(Self {
             store_id,
@@ -84,7 +81,7 @@ impl Sink {
             message_count: 0,
             max_indexed_messages: MAX_INDEX_SIZE / u64::from(agents.max(1)),
             length,
-            hash,
+            file,
             error: None,
             viewer: None,
             server: None,
@@ -142,6 +139,38 @@ impl Sink {
         Ok(())
     }
 
+    /// Whether the file gets no index, so that messages can be encoded elsewhere.
+    pub(super) fn has_no_index(&self) -> bool {
+        self.message_count >= self.max_indexed_messages
+    }
+
+    /// Writes no index, whatever the number of messages.
+    pub(super) fn without_index(mut self) -> Self {
+        self.max_indexed_messages = 0;
+        self
+    }
+
+    /// Writes chunks that were encoded elsewhere to a file [without an index](Self::has_no_index).
+    pub(super) fn append(&mut self, chunks: &EncodedChunks<'_>) -> Result<(), RecordingError> {
+        if chunks.messages == 0 {
+            return Ok(());
+        }
+        if self.viewer.is_some() {
+            return self.send_encoded(&chunks.as_file()?);
+        }
+        let mut file = self.file.clone();
+        self.with_encoder(|encoder| {
+            encoder.do_not_emit_footer();
+            file.write_all(chunks.bytes).map_err(EncodeError::Write)
+        })?;
+        self.length += chunks.bytes.len() as u64;
+        self.message_count += chunks.messages;
+        if let Some(server) = &self.server {
+            server.announce(self.length);
+        }
+        Ok(())
+    }
+
     /// Also sends all further messages to a viewer.
     pub(super) fn push_to(&mut self, viewer: Viewer) {
         self.viewer = Some(viewer);
@@ -174,11 +203,8 @@ impl Sink {
     }
 
     /// What has been written of the file.
-    ///
-    /// # Panics
-    /// Never: no thread panics while it adds bytes.
     pub(super) fn written(&self) -> Written {
-        self.hash.lock().expect(HASH_IS_INTACT).written()
+        self.file.lock().hash.written()
     }
 
     /// Leaves the file without an index if it is dropped as it is now.
@@ -207,7 +233,7 @@ impl Sink {
 
     fn with_encoder<T>(
         &mut self,
-        encode: impl FnOnce(&mut Encoder<SyncOnFlush>) -> Result<T, EncodeError>,
+        encode: impl FnOnce(&mut Encoder<HashedFile>) -> Result<T, EncodeError>,
     ) -> Result<T, RecordingError> {
         if let Some(error) = &self.error {
             return Err(error.clone());
@@ -224,17 +250,18 @@ impl Sink {
     /// by its file, because the encoder would write an index if it were dropped.
     fn close_after_error(&mut self, error: &RecordingError) {
         self.error = Some(error.clone());
-        if let Some(Ok(mut file)) = self.encoder.take().map(Encoder::into_inner) {
+        if let Some(Ok(file)) = self.encoder.take().map(Encoder::into_inner) {
             // Only the first failure is reported.
-            drop(file.storage.truncate(self.length));
+            drop(file.lock().storage.truncate(self.length));
         }
     }
 }
 
-/// Chunks that are encoded as the messages of a separate file, for [`Sink::send_encoded`].
+/// Chunks that are encoded as the messages of a separate file, for [`Sink::send_encoded`] and [`Sink::append`].
 pub(super) struct MessageBytes {
     store_id: StoreId,
     encoder: Encoder<Vec<u8>>,
+    messages: u64,
 }
 
 impl MessageBytes {
@@ -245,6 +272,7 @@ impl MessageBytes {
         Ok(Self {
             store_id: store_id.clone(),
             encoder,
+            messages: 0,
         })
     }
 
@@ -252,12 +280,61 @@ impl MessageBytes {
     pub(super) fn add(&mut self, chunk: &Chunk) -> Result<(), RecordingError> {
         let message = LogMsg::ArrowMsg(self.store_id.clone(), chunk.to_arrow_msg()?);
         self.encoder.append(&message)?;
+        self.messages += 1;
         Ok(())
     }
 
     /// The encoded chunks.
     pub(super) fn into_bytes(self) -> Result<Vec<u8>, RecordingError> {
         Ok(self.encoder.into_inner()?)
+    }
+
+    /// The encoded chunks behind their number, without the header of a file, for [`EncodedChunks::read`].
+    pub(super) fn into_chunks(self) -> Result<Vec<u8>, RecordingError> {
+        let number = self.messages.to_le_bytes();
+        let bytes = self.into_bytes()?;
+        Ok([&number, &bytes[HEADER_LENGTH..]].concat())
+    }
+}
+
+/// Number of bytes of the header of a file.
+const HEADER_LENGTH: usize = StreamHeader::ENCODED_SIZE_BYTES;
+
+/// Encoded chunks of several rows, without the header of a file.
+pub(super) struct EncodedChunks<'a> {
+    messages: u64,
+    bytes: &'a [u8],
+}
+
+impl<'a> EncodedChunks<'a> {
+    /// Those of [`MessageBytes::into_chunks`].
+    pub(super) fn read(bytes: &'a [u8]) -> Self {
+        let (number, bytes) = bytes.split_first_chunk().unwrap_or((&[0; 8], &[]));
+        Self {
+            messages: u64::from_le_bytes(*number),
+            bytes,
+        }
+    }
+
+    /// Those of several lists of [`MessageBytes::into_chunks`], one after the other.
+    pub(super) fn join(lists: &[Vec<u8>]) -> Vec<u8> {
+        let lists = lists.iter().map(|list| EncodedChunks::read(list));
+        let (mut messages, mut joined) = (0, vec![0; 8]);
+        for list in lists {
+            messages += list.messages;
+            joined.extend_from_slice(list.bytes);
+        }
+        joined[..8].copy_from_slice(&u64::to_le_bytes(messages));
+        joined
+    }
+
+    /// These chunks as a file of their own, for [`Sink::send_encoded`].
+    pub(super) fn as_file(&self) -> Result<Vec<u8>, RecordingError> {
+        let mut file = new_encoder(Vec::new())?;
+        file.do_not_emit_footer();
+        let mut file = file.into_inner()?;
+        file.extend_from_slice(self.bytes);
+        Ok(file)
     }
 }
 
@@ -266,25 +343,40 @@ fn new_encoder<W: Write>(storage: W) -> Result<Encoder<W>, EncodeError> {
     Encoder::new_eager(CrateVersion::LOCAL, options, storage)
 }
 
-/// Why the hash of a file can be locked.
-const HASH_IS_INTACT: &str = "no thread panics while it adds bytes";
+/// A file whose flush also syncs its storage, and which hashes what is written. The encoder and the sink both have it.
+#[derive(Clone)]
+struct HashedFile(Arc<Mutex<StorageAndHash>>);
 
-/// A writer whose flush also syncs its storage, and which hashes what it writes.
-struct SyncOnFlush {
+struct StorageAndHash {
     storage: Box<dyn Storage>,
-    hash: Arc<Mutex<WrittenHash>>,
+    hash: WrittenHash,
 }
 
-impl Write for SyncOnFlush {
+impl HashedFile {
+    fn new(storage: Box<dyn Storage>) -> Self {
+        let hash = WrittenHash::new();
+        Self(Arc::new(Mutex::new(StorageAndHash { storage, hash })))
+    }
+
+    /// # Panics
+    /// Never: no thread panics while it writes.
+    fn lock(&self) -> MutexGuard<'_, StorageAndHash> {
+        self.0.lock().expect("no thread panics while it writes")
+    }
+}
+
+impl Write for HashedFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let count = self.storage.write(bytes)?;
-        self.hash.lock().expect(HASH_IS_INTACT).add(&bytes[..count]);
+        let mut file = self.lock();
+        let count = file.storage.write(bytes)?;
+        file.hash.add(&bytes[..count]);
         Ok(count)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.storage.flush()?;
-        self.storage.sync()
+        let mut file = self.lock();
+        file.storage.flush()?;
+        file.storage.sync()
     }
 }
 

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::axes::VisitedState;
 use super::pairs::{CELLS_PER_SIDE, Pairs};
+use crate::run::ranks::Ranks;
 
 /// Sum and number of bonuses in each cell: `[panels × cells × cells]` each.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,16 +78,31 @@ impl BonusMap {
         self.counts[cell as usize] += count;
     }
 
-    /// Adds the bonuses of another map, such as the map of another agent.
-    pub fn add_all(&mut self, other: &Self) {
-        self.sums
-            .iter_mut()
-            .zip(&other.sums)
-            .for_each(|(sum, other)| *sum += other);
-        self.counts
-            .iter_mut()
-            .zip(&other.counts)
-            .for_each(|(count, other)| *count += other);
+    /// The bonuses of all agents, on rank 0; an empty map on others. `agents`: the maps of the local agents
+    #[must_use]
+    pub fn of_all(agents: &[Self], pairs: &Pairs, ranks: Ranks) -> Self {
+        let mut map = Self::new(pairs);
+        let cells = map.cell_count();
+        let passed = ranks.pass_along(1, |_, list| {
+            list.resize(2 * cells, 0.0);
+            let (sums, counts) = list.split_at_mut(cells);
+            for agent in agents {
+                for (sum, other) in sums.iter_mut().zip(&agent.sums) {
+                    *sum += other;
+                }
+                for (count, other) in counts.iter_mut().zip(&agent.counts) {
+                    *count += f64::from(*other);
+                }
+            }
+        });
+        // The last rank has the sums, and rank 0 draws them.
+        let list: Vec<f64> = ranks.gather_lists(passed.into_iter().flatten().flatten().collect());
+        if ranks.is_first() {
+            let (sums, counts) = list.split_at(cells);
+            map.sums = sums.to_vec();
+            map.counts = counts.iter().map(|&count| count as u32).collect();
+        }
+        map
     }
 
     /// The mean bonus of each cell, `None` for cells without states: `[panels × cells × cells]`,
@@ -158,9 +174,9 @@ mod tests {
             [(upper_right, 5.0), (lower_left, 2.0)]
         );
         assert_eq!(map.max_mean(), 5.0);
-        let mut team = map.clone();
-        team.add(cell_bonus(lower_left, 2, 12.0));
-        team.add_all(&map);
+        let mut other = map.clone();
+        other.add(cell_bonus(lower_left, 2, 12.0));
+        let team = BonusMap::of_all(&[other, map], &pairs, Ranks::SINGLE);
         assert_eq!(
             nonempty_cells(&team),
             [(upper_right, 5.0), (lower_left, 20.0 / 6.0)]

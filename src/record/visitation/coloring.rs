@@ -2,6 +2,7 @@
 
 use super::axes::VisitedState;
 use super::fraction;
+use crate::run::facts::EpisodeRow;
 use crate::run::recorder::BonusRange;
 use crate::scenario::recording::ColorBy;
 use seedbed_env::{Status, TaskSpec};
@@ -19,21 +20,23 @@ pub struct Coloring {
 
 impl Coloring {
     /// The range of the scale for the whole run. `max_episodes` is the maximum number of episodes
-    /// per agent. The range of returns depends on `first_round_episodes`, the episodes of the first
-    /// round.
+    /// per agent. The range of returns depends on those of the first round.
     #[must_use]
     pub fn range_for_run(
         color_by: ColorBy,
         spec: &TaskSpec,
         max_episodes: u32,
         bonus: BonusRange,
-        first_round_episodes: &[&Episode],
+        first_round: &[EpisodeRow],
     ) -> [f32; 2] {
         match color_by {
             ColorBy::Agent | ColorBy::Outcome => [0.0, 1.0],
             ColorBy::Episode => [0.0, max_episodes.saturating_sub(1).max(1) as f32],
             ColorBy::IntrinsicReward => [0.0, bonus.scale_end().unwrap_or(1.0)],
-            ColorBy::Return => range_of_returns(first_round_episodes, spec.reward_threshold),
+            ColorBy::Return => {
+                let returns: Vec<f32> = first_round.iter().map(|row| row.r#return as f32).collect();
+                range_of_returns(&returns, spec.reward_threshold)
+            }
         }
     }
 
@@ -78,12 +81,8 @@ pub fn outcome_color(terminated: bool) -> [u8; 3] {
 /// The range of the scale of returns: from the lowest return of the first round to the reward
 /// threshold or, if no threshold is above the lowest return, to the highest return. If both ends
 /// are equal, the range has the length 1.
-fn range_of_returns(first_round_episodes: &[&Episode], threshold: Option<f32>) -> [f32; 2] {
-    let returns = || {
-        first_round_episodes
-            .iter()
-            .map(|episode| episode.total_reward() as f32)
-    };
+fn range_of_returns(returns: &[f32], threshold: Option<f32>) -> [f32; 2] {
+    let returns = || returns.iter().copied();
     let low = returns().fold(f32::INFINITY, f32::min);
     let high = returns().fold(f32::NEG_INFINITY, f32::max);
     let low = if low.is_finite() { low } else { 0.0 };
@@ -108,11 +107,10 @@ mod tests {
 
     #[test]
     fn the_scale_of_returns_ends_at_the_reward_threshold() {
-        let (low, high) = (episode(8.0), episode(20.0));
-        assert_eq!(range_of_returns(&[&low, &high], Some(195.0)), [8.0, 195.0]);
-        assert_eq!(range_of_returns(&[&low, &high], None), [8.0, 20.0]);
+        assert_eq!(range_of_returns(&[8.0, 20.0], Some(195.0)), [8.0, 195.0]);
+        assert_eq!(range_of_returns(&[8.0, 20.0], None), [8.0, 20.0]);
         assert_eq!(
-            range_of_returns(&[&high], Some(10.0)),
+            range_of_returns(&[20.0], Some(10.0)),
             [20.0, 21.0],
             "all returns of the first round are above the threshold"
         );

@@ -4,6 +4,8 @@
 //! because they are small compared with the largest difference. A logarithmic scale cannot show 0,
 //! the difference where both agents have equal shares.
 
+use crate::run::ranks::Ranks;
+
 /// Distance between the columns of pixels that are compared to find the two agents that differ
 /// most.
 const COLUMN_STRIDE: usize = 8;
@@ -41,7 +43,7 @@ pub fn share_difference(
 
 /// Maximum number of agents of which every pair is compared. The time for all pairs grows with the
 /// square of the number of agents.
-const MAX_AGENTS_FOR_ALL_PAIRS: usize = 32;
+const MAX_AGENTS_FOR_ALL_PAIRS: u64 = 32;
 
 /// The two agents whose densities differ most, measured by the sum of |d| over every eighth column
 /// of pixels. In case of a tie, the first such pair; `None` for a single agent.
@@ -49,28 +51,34 @@ const MAX_AGENTS_FOR_ALL_PAIRS: usize = 32;
 /// In teams of more than 32 agents, these are the agent that differs most from the mean of the team,
 /// and the agent that differs most from this agent.
 ///
-/// `densities`: number of lines over each pixel, `[agents][height × width]`.
+/// `densities`: number of lines over each pixel, `[local agents][height × width]`; `first_agent`: number of the first
+/// local agent. All ranks must call it, and get the same agents.
 #[must_use]
-pub fn most_different(densities: &[impl AsRef<[u32]>], width: usize) -> Option<(usize, usize)> {
-    if densities.len() < 2 {
+pub fn most_different(
+    densities: &[impl AsRef<[u32]>],
+    first_agent: u32,
+    width: usize,
+    ranks: Ranks,
+) -> Option<(u32, u32)> {
+    let count = ranks.sum(vec![densities.len() as u64])[0];
+    if count < 2 {
         return None;
     }
-    if densities.len() > MAX_AGENTS_FOR_ALL_PAIRS {
-        let one = farthest(&mean_shares(densities, width), densities, width);
-        let other = farthest(
-            &column_shares(densities[one].as_ref(), width),
-            densities,
-            width,
-        );
+    let team = TeamDensities {
+        densities,
+        first_agent,
+        width,
+        ranks,
+    };
+    if count > MAX_AGENTS_FOR_ALL_PAIRS {
+        let one = team.farthest(&team.mean_shares(count));
+        let other = team.farthest(&team.shares_of(one));
         return Some((one.min(other), one.max(other)));
     }
-    let all_shares: Vec<Vec<f32>> = densities
-        .iter()
-        .map(|pixels| column_shares(pixels.as_ref(), width))
-        .collect();
+    let all_shares = ranks.all_gather(team.all_shares()).concat();
     let mut max = ((0, 1), f32::NEG_INFINITY);
-    for (one, shares_of_one) in all_shares.iter().enumerate() {
-        for (other, shares_of_other) in all_shares.iter().enumerate().skip(one + 1) {
+    for (one, shares_of_one) in (0..).zip(&all_shares) {
+        for (other, shares_of_other) in (0..).zip(&all_shares).skip(one as usize + 1) {
             let distance = distance(shares_of_one, shares_of_other);
             if distance > max.1 {
                 max = ((one, other), distance);
@@ -80,27 +88,60 @@ pub fn most_different(densities: &[impl AsRef<[u32]>], width: usize) -> Option<(
     Some(max.0)
 }
 
-/// The agent whose shares differ most from `shares`; the first one in case of a tie.
-fn farthest(shares: &[f32], densities: &[impl AsRef<[u32]>], width: usize) -> usize {
-    let distances = densities
-        .iter()
-        .map(|pixels| distance(shares, &column_shares(pixels.as_ref(), width)));
-    let farther = |max: (usize, f32), next: (usize, f32)| if next.1 > max.1 { next } else { max };
-    let max = distances.enumerate().reduce(farther);
-    max.map_or(0, |(agent, _)| agent)
+/// The densities of the local agents, and those on other ranks.
+struct TeamDensities<'a, D> {
+    densities: &'a [D],
+    first_agent: u32,
+    width: usize,
+    ranks: Ranks,
 }
 
-/// The mean of the shares of all agents.
-fn mean_shares(densities: &[impl AsRef<[u32]>], width: usize) -> Vec<f32> {
-    let mut sum = column_shares(densities[0].as_ref(), width);
-    for pixels in &densities[1..] {
-        let shares = column_shares(pixels.as_ref(), width);
-        sum.iter_mut()
-            .zip(shares)
-            .for_each(|(sum, share)| *sum += share);
+impl<D: AsRef<[u32]>> TeamDensities<'_, D> {
+    fn all_shares(&self) -> Vec<Vec<f32>> {
+        let densities = self.densities.iter();
+        let shares = densities.map(|pixels| column_shares(pixels.as_ref(), self.width));
+        shares.collect()
     }
-    let agents = densities.len() as f32;
-    sum.into_iter().map(|sum| sum / agents).collect()
+
+    /// The agent whose shares differ most from `shares`; the first one in case of a tie.
+    fn farthest(&self, shares: &[f32]) -> u32 {
+        let distances = self
+            .densities
+            .iter()
+            .map(|pixels| distance(shares, &column_shares(pixels.as_ref(), self.width)));
+        let farther = |max: (u32, f32), next: (u32, f32)| if next.1 > max.1 { next } else { max };
+        let local = (self.first_agent..).zip(distances).reduce(farther);
+        let all = self.ranks.all_gather(local).into_iter().flatten();
+        all.reduce(farther).map_or(0, |(agent, _)| agent)
+    }
+
+    /// The mean of the shares of `count` agents.
+    fn mean_shares(&self, count: u64) -> Vec<f32> {
+        let sums = self.ranks.pass_along(1, |_, sums| {
+            for pixels in self.densities {
+                let shares = column_shares(pixels.as_ref(), self.width);
+                if sums.is_empty() {
+                    *sums = shares.into_iter().map(f64::from).collect();
+                    continue;
+                }
+                for (sum, share) in sums.iter_mut().zip(shares) {
+                    *sum = f64::from(*sum as f32 + share);
+                }
+            }
+        });
+        let sums = self.ranks.all_gather(sums).into_iter().flatten().flatten();
+        let agents = count as f32;
+        sums.flatten().map(|sum| sum as f32 / agents).collect()
+    }
+
+    /// The shares of an agent, which may be on another rank.
+    fn shares_of(&self, agent: u32) -> Vec<f32> {
+        let index = agent.checked_sub(self.first_agent);
+        let local = index.and_then(|index| self.densities.get(index as usize));
+        let shares = local.map(|pixels| column_shares(pixels.as_ref(), self.width));
+        let all = self.ranks.all_gather(shares);
+        all.into_iter().flatten().next().unwrap_or_default()
+    }
 }
 
 fn distance(one: &[f32], other: &[f32]) -> f32 {
@@ -172,12 +213,15 @@ mod tests {
     #[test]
     fn the_two_agents_with_the_largest_difference_are_found() {
         let densities: [&[u32]; 4] = [&[5, 5], &[6, 4], &[10, 0], &[2, 8]];
-        assert_eq!(most_different(&densities, 1), Some((2, 3)));
         assert_eq!(
-            most_different(&[&[1, 1], &[1, 1], &[1, 1]], 1),
+            most_different(&densities, 0, 1, Ranks::SINGLE),
+            Some((2, 3))
+        );
+        assert_eq!(
+            most_different(&[&[1, 1], &[1, 1], &[1, 1]], 0, 1, Ranks::SINGLE),
             Some((0, 1))
         );
-        assert_eq!(most_different(&densities[..1], 1), None);
+        assert_eq!(most_different(&densities[..1], 0, 1, Ranks::SINGLE), None);
     }
 
     /// All agents of a large team have their lines in the upper row, except agent 70, whose lines
@@ -186,6 +230,9 @@ mod tests {
     fn two_agents_of_a_large_team_are_found() {
         let mut densities: Vec<&[u32]> = vec![&[9, 0]; 100];
         (densities[20], densities[70]) = (&[5, 5], &[0, 3]);
-        assert_eq!(most_different(&densities, 1), Some((0, 70)));
+        assert_eq!(
+            most_different(&densities, 0, 1, Ranks::SINGLE),
+            Some((0, 70))
+        );
     }
 }

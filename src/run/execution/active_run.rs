@@ -12,7 +12,7 @@ use crate::run::error::RunError;
 use crate::run::folder::RunFolder;
 use crate::run::folder::checkpoint::Checkpoint;
 use crate::run::plan::Plan;
-use crate::run::training::{Round, TrainerOnRanks};
+use crate::run::training::{RecordingOrder, Round, TrainerOnRanks};
 use seedbed_learn::cancellation::Cancellation;
 
 /// A run on rank 0, or in the only process.
@@ -116,6 +116,9 @@ impl ActiveRun<'_> {
     }
 
     pub(super) fn write_checkpoint(&mut self, kind: CheckpointKind) -> Result<(), RunError> {
+        let at_end = kind == CheckpointKind::AtEnd;
+        self.trainer
+            .order_recorders(RecordingOrder::Checkpoint { at_end });
         let states = self.recorder.checkpoint(kind)?;
         Ok(self.checkpoints.write(&self.trainer, states)?)
     }

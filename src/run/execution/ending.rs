@@ -9,7 +9,7 @@ use crate::run::facts::Summary;
 use crate::run::folder::RunFolder;
 use crate::run::folder::checksums::NewChecksums;
 use crate::run::plan::Plan;
-use crate::run::training::TrainerOnRanks;
+use crate::run::training::{RecordingOrder, TrainerOnRanks};
 use crate::run::weights;
 use crate::storage::files;
 use seedbed_env::gymnasium::GymnasiumTask;
@@ -22,12 +22,13 @@ pub(super) fn finish(
     trainer: &TrainerOnRanks<'_>,
     recorder: &mut RoundRecorder,
 ) -> Result<RunOutcome, RunError> {
+    trainer.order_recorders(RecordingOrder::Finish);
     recorder.finish()?;
     write_policies(plan, options, trainer)?;
     let gymnasium = plan.description.gymnasium();
     let summary = Summary {
         repeatability_warning: gymnasium.and_then(GymnasiumTask::repeatability_warning),
-        ..Summary::of(&plan.name, plan.scenario.seed, trainer.local())
+        ..Summary::of(&plan.name, plan.scenario.seed, trainer)
     };
     let text = serde_json::to_string_pretty(&summary).map_err(std::io::Error::other);
     let path = options.folder.summary_file();

@@ -23,14 +23,14 @@ use self::checkpoint_writer::CheckpointWriter;
 use self::ending::finish;
 pub(crate) use self::ending::write_checksums_of_results;
 pub use self::progress::{Observer, Options, Progress, RecorderFactories, RunOutcome};
-use self::resume::{create_recorders, resume_run};
+use self::resume::{RecordersToBegin, begin_new_run, resume_run};
+use self::round_recorder::CheckpointKind;
 pub(super) use self::round_recorder::RoundRecorder;
-use self::round_recorder::{CheckpointKind, Recorders};
 use self::stopping::RoundDurations;
 use crate::run::error::RunError;
 use crate::run::folder::checkpoint::Checkpoint;
 use crate::run::plan::Plan;
-use crate::run::training::{Trainer, TrainerOnRanks};
+use crate::run::training::{FollowingRecorders, RecordingOrder, Round, Trainer, TrainerOnRanks};
 use seedbed_input::InputError;
 use seedbed_learn::cancellation::Cancellation;
 
@@ -41,7 +41,7 @@ use seedbed_learn::cancellation::Cancellation;
 /// are ignored. If a recorder has no factory, the run goes on without it, and what it
 /// recorded is kept in another file.
 ///
-/// If the run is divided over ranks, rank 0 records, and the others only play and learn.
+/// If the run is divided over ranks, rank 0 writes the results, and each plays, learns and records for its agents.
 ///
 /// # Errors
 /// A file could not be read or written, or a number is not finite. Files that were written before
@@ -55,7 +55,7 @@ pub fn execute(
     interrupted: &AtomicBool,
 ) -> Result<RunOutcome, RunError> {
     if !options.ranks.is_first() {
-        return follow(plan, options, interrupted);
+        return follow(plan, options, recorder_factories, interrupted);
     }
     if !options.ranks.is_single() {
         // A rank that abandons its round would let the others wait.
@@ -97,10 +97,11 @@ fn lead(
     };
     let (trainer, (recorders, checkpoints)) =
         TrainerOnRanks::begin(begun, options.ranks, interrupted)?;
+    let recorders = recorders.begin(plan, options, trainer.local())?;
     let mut run = ActiveRun {
         plan,
         options,
-        recorder: RoundRecorder::new(recorders, trainer.local().agent_count(), options.threads),
+        recorder: RoundRecorder::of_run(recorders, trainer.local().agent_count(), options),
         trainer,
         checkpoints,
         schedule: CheckpointSchedule::of(&plan.scenario),
@@ -131,27 +132,61 @@ fn lead(
     Ok(outcome)
 }
 
-/// Plays and learns for the agents of a rank that does not record.
+/// Plays, learns and records for the agents of a rank that does not write the results.
 fn follow(
     plan: &Plan,
     options: &Options,
+    recorder_factories: RecorderFactories,
     interrupted: &AtomicBool,
 ) -> Result<RunOutcome, RunError> {
-    let begun = begin_to_follow(plan, options).map(|trainer| (trainer, ()));
-    let (trainer, ()) = TrainerOnRanks::begin(begun, options.ranks, interrupted)?;
-    trainer.follow()?;
+    let begun = begin_to_follow(plan, options, recorder_factories);
+    let (trainer, recorders) = TrainerOnRanks::begin(begun, options.ranks, interrupted)?;
+    let recorders = recorders.follow(plan, options, trainer.local())?;
+    let agents = trainer.local().agent_count();
+    trainer.follow(&mut RoundRecorder::of_run(recorders, agents, options))?;
     Ok(RunOutcome::Elsewhere)
 }
 
-fn begin_to_follow(plan: &Plan, options: &Options) -> Result<Trainer, RunError> {
+impl FollowingRecorders for RoundRecorder {
+    type Error = RunError;
+
+    fn record(&mut self, trainer: &Trainer, round: Round) -> Result<(), RunError> {
+        let (rounds, episodes) = (trainer.rounds(), trainer.newest_episodes());
+        Ok(self.record(rounds - 1, &episodes, round)?)
+    }
+
+    fn obey(&mut self, order: RecordingOrder) -> Result<(), RunError> {
+        match order {
+            RecordingOrder::Checkpoint { at_end: true } => {
+                drop(self.checkpoint(CheckpointKind::AtEnd)?);
+            }
+            RecordingOrder::Checkpoint { at_end: false } => {
+                drop(self.checkpoint(CheckpointKind::Meanwhile)?);
+            }
+            RecordingOrder::Finish => self.finish()?,
+        }
+        Ok(())
+    }
+}
+
+fn begin_to_follow(
+    plan: &Plan,
+    options: &Options,
+    factories: RecorderFactories,
+) -> Result<(Trainer, RecordersToBegin), RunError> {
     let mut trainer = build_trainer(plan, options)?;
+    let mut recorders = RecordersToBegin {
+        factories,
+        states: None,
+    };
     if options.resume {
         let folder = options.folder.path();
-        let checkpoint = Checkpoint::read(folder);
-        let restored = checkpoint.and_then(|read| read.restore(folder, &mut trainer));
-        restored.map_err(RunError::UnusableCheckpoint)?;
+        let unusable = RunError::UnusableCheckpoint;
+        let checkpoint = Checkpoint::read(folder).map_err(unusable)?;
+        checkpoint.restore(folder, &mut trainer).map_err(unusable)?;
+        recorders.states = Some(checkpoint.recorders);
     }
-    Ok(trainer)
+    Ok((trainer, recorders))
 }
 
 fn build_trainer(plan: &Plan, options: &Options) -> Result<Trainer, InputError> {
@@ -165,12 +200,12 @@ fn begin(
     options: &Options,
     recorder_factories: RecorderFactories,
     observer: &mut dyn Observer,
-) -> Result<(Trainer, (Recorders, CheckpointWriter)), RunError> {
+) -> Result<(Trainer, (RecordersToBegin, CheckpointWriter)), RunError> {
     let mut trainer = build_trainer(plan, options)?;
     let begun = if options.resume {
         resume_run(plan, options, recorder_factories, &mut trainer, observer)?
     } else {
-        let recorders = create_recorders(plan, options, recorder_factories, &trainer)?;
+        let recorders = begin_new_run(plan, options, recorder_factories)?;
         (recorders, CheckpointWriter::new(options.folder.path()))
     };
     Ok((trainer, begun))

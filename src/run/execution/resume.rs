@@ -20,17 +20,69 @@ use crate::storage::files;
 use seedbed_env::gymnasium::GymnasiumTask;
 use seedbed_input::InputError;
 
-pub(super) fn create_recorders(
+/// The recorders of a run before they begin, which all ranks do together.
+pub(super) struct RecordersToBegin {
+    pub(super) factories: RecorderFactories,
+    /// The states of recorders of a run to resume, in their order.
+    pub(super) states: Option<Vec<Vec<u8>>>,
+}
+
+impl RecordersToBegin {
+    /// The recorders of rank 0, or of the only process.
+    pub(super) fn begin(
+        self,
+        plan: &Plan,
+        options: &Options,
+        trainer: &Trainer,
+    ) -> Result<Recorders, RunError> {
+        let settings = &plan.scenario.recording;
+        with_run_info(plan, options, trainer, |info| {
+            let begin = |(factory, state): (Box<dyn RecorderFactory>, Option<Vec<u8>>)| {
+                Ok(match state {
+                    Some(state) => factory.resume(info, settings, &state)?,
+                    None => factory.create(info, settings)?,
+                })
+            };
+            self.with_states().map(begin).collect()
+        })
+    }
+
+    /// The recorders of another rank.
+    pub(super) fn follow(
+        self,
+        plan: &Plan,
+        options: &Options,
+        trainer: &Trainer,
+    ) -> Result<Recorders, RunError> {
+        let settings = &plan.scenario.recording;
+        with_run_info(plan, options, trainer, |info| {
+            let mut recorders = Recorders::new();
+            for (factory, state) in self.with_states() {
+                recorders.extend(factory.follow(info, settings, state.as_deref())?);
+            }
+            Ok(recorders)
+        })
+    }
+
+    /// Factories with the states of their recorders. A recorder of a run to resume that has no factory is left out.
+    fn with_states(self) -> impl Iterator<Item = (Box<dyn RecorderFactory>, Option<Vec<u8>>)> {
+        let is_new = self.states.is_none();
+        let states = self.states.into_iter().flatten().map(Some);
+        let none = std::iter::repeat_with(|| None).take_while(move |_| is_new);
+        self.factories.into_iter().zip(states.chain(none))
+    }
+}
+
+/// Writes what a new run begins with.
+pub(super) fn begin_new_run(
     plan: &Plan,
     options: &Options,
-    recorder_factories: RecorderFactories,
-    trainer: &Trainer,
-) -> Result<Recorders, RunError> {
+    factories: RecorderFactories,
+) -> Result<RecordersToBegin, RunError> {
     write_scenario(plan, &options.folder)?;
-    with_run_info(plan, trainer, |info| {
-        let create =
-            |factory: Box<dyn RecorderFactory>| Ok(factory.create(info, &plan.scenario.recording)?);
-        recorder_factories.into_iter().map(create).collect()
+    Ok(RecordersToBegin {
+        factories,
+        states: None,
     })
 }
 
@@ -40,7 +92,7 @@ pub(super) fn resume_run(
     recorder_factories: RecorderFactories,
     trainer: &mut Trainer,
     observer: &mut dyn Observer,
-) -> Result<(Recorders, CheckpointWriter), RunError> {
+) -> Result<(RecordersToBegin, CheckpointWriter), RunError> {
     let folder = &options.folder;
     Checksums::read(folder)?.verify_scenario()?;
     check_same_run(plan, options)?;
@@ -63,16 +115,10 @@ pub(super) fn resume_run(
     if states.len() > recorder_factories.len() {
         give_up_recording(folder, observer)?;
     }
-    let recorders = with_run_info(plan, trainer, |info| {
-        let resume = |(factory, state): (Box<dyn RecorderFactory>, &Vec<u8>)| {
-            Ok(factory.resume(info, &plan.scenario.recording, state)?)
-        };
-        recorder_factories
-            .into_iter()
-            .zip(states)
-            .map(resume)
-            .collect::<Result<Recorders, RunError>>()
-    })?;
+    let recorders = RecordersToBegin {
+        factories: recorder_factories,
+        states: Some(checkpoint.recorders),
+    };
     Ok((recorders, checkpoints))
 }
 
@@ -138,7 +184,12 @@ fn check_max_episodes(plan: &Plan, options: &Options, trainer: &Trainer) -> Resu
 }
 
 /// Calls `f` with the information about the run that recordings contain.
-fn with_run_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>) -> R) -> R {
+fn with_run_info<R>(
+    plan: &Plan,
+    options: &Options,
+    trainer: &Trainer,
+    f: impl FnOnce(&RunInfo<'_>) -> R,
+) -> R {
     let scenario = plan.stored_scenario();
     f(&RunInfo {
         name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
@@ -146,6 +197,7 @@ fn with_run_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>)
         spec: trainer.spec(),
         scene: trainer.scene(),
         agents: trainer.agent_count() as u32,
+        ranks: options.ranks,
         bonus: plan.scenario.algorithm.largest_intrinsic_reward().into(),
         max_episodes: plan.scenario.max_episodes(),
         run_seed: plan.scenario.seed,

@@ -12,6 +12,7 @@ use std::thread::{self, JoinHandle};
 
 use rayon::ThreadPool;
 
+use super::Options;
 use crate::run::recorder::{RecordError, Recorder, RoundRecord};
 use crate::run::training::{Round, thread_count, thread_pool};
 use crate::storage::written::WrittenFile;
@@ -39,8 +40,8 @@ pub(in crate::run) struct RecorderStates {
 
 /// Passes rounds to recorders.
 pub(in crate::run) enum RoundRecorder {
-    /// The recorders are called directly.
-    Direct(Recorders),
+    /// The recorders are called directly, and may divide their work among the threads of a pool.
+    Direct(Recorders, Option<ThreadPool>),
     /// The recorders are called by another thread.
     Queued(RecordingThread),
 }
@@ -85,11 +86,22 @@ impl RoundRecorder {
     /// one thread only. 0 threads are as many as there are cores.
     pub(in crate::run) fn new(recorders: Recorders, agents: usize, threads: usize) -> Self {
         if thread_count(threads) == 1 {
-            return Self::Direct(recorders);
+            return Self::Direct(recorders, None);
         }
         let waiting_rounds = (MAX_WAITING_EPISODES / agents.max(1)).clamp(1, MAX_WAITING_ROUNDS);
         let pool = (agents >= MIN_AGENTS_OF_POOL).then(|| thread_pool(threads, "recorder"));
         Self::Queued(RecordingThread::start(recorders, waiting_rounds, pool))
+    }
+
+    /// Passes rounds of `agents` agents to the recorders of a run. On one of several ranks, they are called in this thread, since
+    /// only one thread of a rank may call MPI.
+    pub(in crate::run) fn of_run(recorders: Recorders, agents: usize, options: &Options) -> Self {
+        if options.ranks.is_single() {
+            return Self::new(recorders, agents, options.threads);
+        }
+        let needs_pool = thread_count(options.threads) > 1 && !recorders.is_empty();
+        let pool = needs_pool.then(|| thread_pool(options.threads, "recorder"));
+        Self::Direct(recorders, pool)
     }
 
     /// Records a round, or lets it wait to be recorded. `episodes` are in (agent, episode) order.
@@ -103,8 +115,8 @@ impl RoundRecorder {
         round: Round,
     ) -> Result<(), RecordError> {
         match self {
-            Self::Direct(recorders) => {
-                let record = record_of(number, episodes, &round, Workers::CURRENT_THREAD);
+            Self::Direct(recorders, pool) => {
+                let record = record_of(number, episodes, &round, Workers::new(pool.as_ref()));
                 record_round(recorders, &record)
             }
             Self::Queued(thread) => {
@@ -127,7 +139,7 @@ impl RoundRecorder {
         kind: CheckpointKind,
     ) -> Result<RecorderStates, RecordError> {
         match self {
-            Self::Direct(recorders) => checkpoint(recorders, kind),
+            Self::Direct(recorders, _) => checkpoint(recorders, kind),
             Self::Queued(thread) => thread.ask(Task::Checkpoint(kind)),
         }
     }
@@ -138,7 +150,7 @@ impl RoundRecorder {
     /// A file could not be completed.
     pub(in crate::run) fn finish(&mut self) -> Result<(), RecordError> {
         match self {
-            Self::Direct(recorders) => finish(recorders),
+            Self::Direct(recorders, _) => finish(recorders),
             Self::Queued(thread) => thread.ask(Task::Finish).map(drop),
         }
     }
@@ -146,7 +158,7 @@ impl RoundRecorder {
     /// Takes the warnings since the last call.
     pub(in crate::run) fn take_warnings(&mut self) -> Vec<String> {
         match self {
-            Self::Direct(recorders) => take_warnings(recorders).collect(),
+            Self::Direct(recorders, _) => take_warnings(recorders).collect(),
             Self::Queued(thread) => thread.warnings.try_iter().collect(),
         }
     }

@@ -60,7 +60,7 @@ pub struct CheckpointError {
 
 const FORMAT: Format = Format {
     kind: *b"ckpt",
-    version: 15,
+    version: 16,
 };
 
 impl Checkpoint {

@@ -121,18 +121,17 @@ impl Diversity {
     }
 }
 
-/// Diversity of the agents in several grids, of which each has the agents that visited it, K × `[cells]`.
-/// JS and JS / ln K are averaged over the grids with visits of at least two agents; `None` if there are
-/// none: agents can only be compared where both were.
+/// Diversity of the agents in several grids: number of agents with visits, and their divergence, in each grid. JS and JS / ln K
+/// are averaged over the grids with visits of at least two agents; `None` if there are none: agents can
+/// only be compared where both were.
 #[must_use]
-pub fn diversity_of_grids(grids: &[Vec<&[u32]>]) -> Option<Diversity> {
-    let compared = grids.iter().filter(|agents| agents.len() > 1);
+pub fn diversity_of_grids(grids: impl Iterator<Item = (u64, f64)>) -> Option<Diversity> {
     let (mut count, mut divergences, mut shares) = (0.0, 0.0, 0.0);
-    for agents in compared {
-        let divergence = divergence(agents.iter().copied()).max(0.0);
+    for (agents, divergence) in grids.filter(|(agents, _)| *agents > 1) {
+        let divergence = divergence.max(0.0);
         count += 1.0;
         divergences += divergence;
-        shares += divergence / log(agents.len() as f64);
+        shares += divergence / log(agents as f64);
     }
     (count > 0.0).then(|| Diversity {
         overlap: (1.0 - shares / count).clamp(0.0, 1.0),
@@ -203,17 +202,17 @@ mod tests {
     fn agents_are_compared_where_they_were() {
         let (left, right) = (&[1, 0][..], &[0, 5][..]);
         let grids = [
-            vec![left, left, right],
-            vec![left, right],
-            vec![left],
-            vec![],
+            (3, divergence(&[left, left, right])),
+            (2, divergence(&[left, right])),
+            (1, 0.0),
+            (0, 0.0),
         ];
-        let found = diversity_of_grids(&grids).unwrap();
+        let found = diversity_of_grids(grids.into_iter()).unwrap();
         let of_three = 3_f64.ln() - 2.0 / 3.0 * 2_f64.ln();
         let effective = f64::midpoint(of_three, 2_f64.ln()).exp();
         assert!((found.effective_agents - effective).abs() < 1e-12);
         assert!((found.overlap - (1.0 - f64::midpoint(of_three / 3_f64.ln(), 1.0))).abs() < 1e-12);
-        assert_eq!(diversity_of_grids(&grids[2..]), None);
+        assert_eq!(diversity_of_grids(grids[2..].iter().copied()), None);
     }
 
     #[test]

@@ -2,77 +2,88 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Division;
 use super::visitation::{StateBins, Visitation};
 use seedbed_env::TaskSpec;
-use seedbed_learn::team::Workers;
 
-/// The cells that the team has visited, and the share of cells that each agent was the first to
-/// visit. Agents that visit a cell for the first time in the same round share it equally, so that
-/// the shares of all agents add up to the coverage of the team.
+/// The cells that the team has visited. Agents that visit a cell for the first time in the same round
+/// share it equally, so that the shares of all agents add up to the coverage of the team.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FirstVisits {
+pub struct VisitedCells {
     /// Whether any agent has visited a cell: `[cells]`
     visited: Vec<bool>,
-    /// `[K]`
-    coverage: Vec<f64>,
+    /// Number of visited cells.
+    count: usize,
 }
 
-impl FirstVisits {
-    /// No visits of `agents` agents.
+impl VisitedCells {
+    /// No visits.
     #[must_use]
-    pub fn new(spec: &TaskSpec, agents: usize) -> Self {
+    pub fn new(spec: &TaskSpec) -> Self {
         Self {
             visited: vec![false; Visitation::new(spec).cell_count()],
-            coverage: vec![0.0; agents],
+            count: 0,
         }
     }
 
-    /// Share of cells that each agent was the first to visit so far: `[K]`
+    /// Share of cells that any agent has visited, 0 to 1.
     #[must_use]
-    pub fn coverage(&self) -> &[f64] {
-        &self.coverage
+    pub fn coverage(&self) -> f64 {
+        self.count as f64 / self.visited.len() as f64
     }
 
-    /// Adds the states that agents visited in a round. Returns the share of cells that each agent was
-    /// the first to visit in this round: `[K]`
-    pub fn add_round(&mut self, visits: &[(u32, StateBins)], workers: Workers<'_>) -> Vec<f64> {
-        let mut new_coverage = vec![0.0; self.coverage.len()];
+    /// Adds the states that the local agents visited in a round, `[local agents]`, and those of other
+    /// ranks. Returns the share of cells that each local agent was the first to visit in this round:
+    /// `[local agents]`
+    pub fn add_round(&mut self, visits: &[Vec<StateBins>], division: Division<'_>) -> Vec<f64> {
+        let new_cells = division
+            .workers
+            .map(visits.iter().collect(), |visits| self.new_cells_of(visits));
+        let visitors = self.visitors_on_all_ranks(&new_cells, division);
         let cells = self.visited.len() as f64;
-        for visitors in self
-            .visitors_of_new_cells(visits, workers)
-            .chunk_by(|one, next| one.0 == next.0)
-        {
-            let (cell, _) = visitors[0];
-            self.visited[cell] = true;
-            for (_, agent) in visitors {
-                new_coverage[*agent as usize] += 1.0 / (cells * visitors.len() as f64);
+        let share = |cell: &usize| 1.0 / (cells * visitors[*cell] as f64);
+        let new_coverage = new_cells.iter().map(|cells| {
+            let mut sum = 0.0;
+            for cell in cells {
+                sum += share(cell);
             }
-        }
-        for (sum, new) in self.coverage.iter_mut().zip(&new_coverage) {
-            *sum += new;
+            sum
+        });
+        let new_coverage = new_coverage.collect();
+        for (visited, visitors) in self.visited.iter_mut().zip(&visitors) {
+            *visited |= *visitors > 0;
+            self.count += usize::from(*visitors > 0);
         }
         new_coverage
     }
 
-    /// New cells with each agent that visited them in a round, cell by cell.
-    fn visitors_of_new_cells(
-        &self,
-        visits: &[(u32, StateBins)],
-        workers: Workers<'_>,
-    ) -> Vec<(usize, u32)> {
-        let new_cells = workers.map(visits.iter().collect(), |(agent, states)| {
-            let mut new_cells = Vec::new();
+    /// The cells that an agent visited in a round and nobody before, in their order.
+    fn new_cells_of(&self, visits: &[StateBins]) -> Vec<usize> {
+        let mut new_cells = Vec::new();
+        for states in visits {
             states.for_each_cell(|cell| {
                 if !self.visited[cell] {
-                    new_cells.push((cell, *agent));
+                    new_cells.push(cell);
                 }
             });
-            new_cells
-        });
-        let mut visitors = new_cells.concat();
-        visitors.sort_unstable();
-        visitors.dedup();
-        visitors
+        }
+        new_cells.sort_unstable();
+        new_cells.dedup();
+        new_cells
+    }
+
+    /// Number of agents that visited each new cell; empty if there is none. `[cells]`
+    fn visitors_on_all_ranks(&self, new_cells: &[Vec<usize>], division: Division<'_>) -> Vec<u64> {
+        let local: usize = new_cells.iter().map(Vec::len).sum();
+        let is_any_new = division.ranks.sum(vec![local as u64]) != [0];
+        if !is_any_new {
+            return Vec::new();
+        }
+        let mut visitors = vec![0; self.visited.len()];
+        for cell in new_cells.iter().flatten() {
+            visitors[*cell] += 1;
+        }
+        division.ranks.sum(visitors)
     }
 }
 
@@ -94,7 +105,7 @@ impl FirstRounds {
         states.for_each_cell(|cell| rounds[cell] = rounds[cell].min(round));
     }
 
-    /// Share of cells that each agent was the first to visit, as in [`FirstVisits::coverage`]: `[K]`
+    /// Share of cells that each agent was the first to visit, as in [`VisitedCells::add_round`]: `[K]`
     #[must_use]
     pub fn coverage(&self) -> Vec<f64> {
         let mut coverage = vec![0.0; self.rounds.len()];
@@ -121,65 +132,57 @@ mod tests {
     use super::super::tests::spec;
     use super::*;
 
-    fn visit(agent: u32, states: &[f32]) -> (u32, StateBins) {
-        (agent, StateBins::of(&spec(2).observations, states))
+    fn visit(states: &[f32]) -> StateBins {
+        StateBins::of(&spec(2).observations, states)
     }
 
     /// One grid of 400 cells. Round 0: both agents visit a cell (a half each), agent 1 another one,
     /// twice. Round 1: agent 0 visits a known and two new cells.
     #[test]
     fn first_visits_are_shared_within_a_round() {
-        let mut first = FirstVisits::new(&spec(2), 2);
-        let cell = 1.0 / 400.0;
-        let near = |values: &[f64], expected: [f64; 2]| {
-            values
-                .iter()
-                .zip(expected)
-                .all(|(value, expected)| (value - expected * cell).abs() < 1e-15)
+        let mut cells = VisitedCells::new(&spec(2));
+        let mut new_cells = |visits: [Vec<StateBins>; 2]| {
+            let shares = cells.add_round(&visits, Division::NONE);
+            let in_cells: Vec<f64> = shares.iter().map(|share| 400.0 * share).collect();
+            (in_cells, 400.0 * cells.coverage())
         };
-        let round = [
-            visit(0, &[0.0, 0.0]),
-            visit(1, &[0.0, 0.0, 5.0, 5.0, 5.0, 5.0]),
+        let both = [
+            vec![visit(&[0.0, 0.0])],
+            vec![visit(&[0.0, 0.0, 5.0, 5.0, 5.0, 5.0])],
         ];
-        assert!(near(
-            &first.add_round(&round, Workers::CURRENT_THREAD),
-            [0.5, 1.5]
-        ));
-        let round = [visit(0, &[5.0, 5.0, 6.0, 6.0]), visit(0, &[7.0, 7.0])];
-        assert!(near(
-            &first.add_round(&round, Workers::CURRENT_THREAD),
-            [2.0, 0.0]
-        ));
-        assert!(near(first.coverage(), [2.5, 1.5]));
-        assert!(near(
-            &first.add_round(&round, Workers::CURRENT_THREAD),
-            [0.0, 0.0]
-        ));
+        assert_eq!(new_cells(both), (vec![0.5, 1.5], 2.0));
+        let one = vec![visit(&[5.0, 5.0, 6.0, 6.0]), visit(&[7.0, 7.0])];
+        assert_eq!(new_cells([one, Vec::new()]), (vec![2.0, 0.0], 4.0));
+        let known = vec![visit(&[7.0, 7.0])];
+        assert_eq!(new_cells([known, Vec::new()]), (vec![0.0, 0.0], 4.0));
     }
 
     /// Three agents in twelve rounds, read round by round and agent by agent.
     #[test]
     fn first_visits_do_not_depend_on_the_order_of_reading() {
-        let mut by_round = FirstVisits::new(&spec(2), 3);
+        let mut by_round = VisitedCells::new(&spec(2));
         let mut by_agent = FirstRounds::default();
         let value = |agent: u32, round: u32| ((7 * agent + 3 * round * round) % 20) as f32;
+        let states = |agent, round| {
+            let (one, other) = (value(agent, round), value(agent / 2, round / 2));
+            visit(&[one, other, other, one])
+        };
+        let mut expected = [0.0; 3];
         for round in 0..12 {
-            let visits = [0, 1, 2].map(|agent| {
-                let (one, other) = (value(agent, round), value(agent / 2, round / 2));
-                visit(agent, &[one, other, other, one])
-            });
-            by_round.add_round(&visits, Workers::CURRENT_THREAD);
+            let visits = [0, 1, 2].map(|agent| vec![states(agent, round)]);
+            let new = by_round.add_round(&visits, Division::NONE);
+            expected
+                .iter_mut()
+                .zip(new)
+                .for_each(|(sum, new)| *sum += new);
         }
         for agent in 0..3 {
             for round in (0..12).rev() {
-                let (one, other) = (value(agent, round), value(agent / 2, round / 2));
-                let (_, states) = visit(agent, &[one, other, other, one]);
-                by_agent.add(agent as usize, round, &states, 400);
+                by_agent.add(agent as usize, round, &states(agent, round), 400);
             }
         }
-        let [expected, found] = [by_round.coverage().to_vec(), by_agent.coverage()];
         assert!(expected.iter().all(|&coverage| coverage > 0.0));
-        for (expected, found) in expected.iter().zip(found) {
+        for (expected, found) in expected.iter().zip(by_agent.coverage()) {
             assert!((expected - found).abs() < 1e-12);
         }
     }

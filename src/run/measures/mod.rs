@@ -1,41 +1,74 @@
 //! Measures of a run: returns, visited states, and whether the task counts as solved.
+//!
+//! The visits of an agent are measured on its rank; what all agents have in common is put together on
+//! rank 0.
 
 pub mod diversity;
 pub mod first_visits;
 pub mod recent;
+mod returns;
 pub mod visitation;
-
-use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
 use self::diversity::Diversity;
-use self::first_visits::FirstVisits;
+use self::first_visits::VisitedCells;
 use self::recent::RecentVisits;
+use self::returns::TeamReturns;
 use self::visitation::{StateBins, Visitation, without_rounding_error};
-use super::facts::FINAL_WINDOW;
-use crate::run::facts::returns::final_return;
 use crate::run::facts::{EpisodeRow, RoundRow};
-use crate::scenario::{Rounding, Threshold};
+use crate::run::ranks::Ranks;
+use crate::scenario::Threshold;
 use seedbed_env::TaskSpec;
 use seedbed_learn::agent::UpdateReport;
 use seedbed_learn::experience::Episode;
 use seedbed_learn::team::Workers;
 
-/// The measures of one run so far.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The measures of one run so far, for the agents of this rank. Rank 0 also has those of the team.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Measures {
-    env_steps: u64,
-    /// `[K]`
-    visitation: Vec<Visitation>,
+    /// Number of the first local agent.
+    first_agent: u32,
+    /// `[local agents]`
+    agents: Vec<AgentVisits>,
+    cells: VisitedCells,
+    /// Of the whole team, on rank 0 only.
+    returns: TeamReturns,
+}
+
+/// The visits of one agent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct AgentVisits {
+    all: Visitation,
     recent: RecentVisits,
-    first_visits: FirstVisits,
-    /// Entry n is the mean over agents of the return of their episode n.
-    team_returns: Vec<f64>,
-    /// For each agent, the returns of episodes that not all agents have finished: `[K]`
-    unmatched_returns: Vec<VecDeque<f64>>,
-    /// For each agent, the returns of its last [`FINAL_WINDOW`] episodes: `[K]`
-    last_returns: Vec<VecDeque<f64>>,
+    /// Share of cells that it was the first to visit.
+    first_coverage: f64,
+}
+
+/// The measures of a whole run, for a checkpoint.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct SavedMeasures {
+    cells: VisitedCells,
+    returns: TeamReturns,
+    /// Visits of each agent: `[K]`
+    agents: Vec<Vec<u8>>,
+}
+
+/// Among whom the measures of a round are divided: ranks, by agents, and threads of this rank. No bit depends on it.
+#[derive(Clone, Copy, Debug)]
+pub struct Division<'a> {
+    /// The threads of this rank.
+    pub workers: Workers<'a>,
+    /// This rank and the others, all of which must make the same calls.
+    pub ranks: Ranks,
+}
+
+impl Division<'_> {
+    /// One thread of one process.
+    pub const NONE: Division<'static> = Division {
+        workers: Workers::CURRENT_THREAD,
+        ranks: Ranks::SINGLE,
+    };
 }
 
 /// The rows that a round adds to the tables.
@@ -50,6 +83,8 @@ pub struct RoundRows {
 /// Statistics of the states that a team has visited so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VisitStatistics {
+    /// Share of cells that each agent has visited, 0 to 1: `[K]`
+    pub coverage: Vec<f64>,
     /// Entropy of each agent's visited states on the grids of [`Visitation`], nats: `[K]`
     pub entropy: Vec<f64>,
     /// `entropy` divided by its maximum, 0 to 1 (Pielou's evenness): `[K]`
@@ -60,12 +95,30 @@ pub struct VisitStatistics {
     pub diversity: Diversity,
 }
 
-impl VisitStatistics {
-    /// Fills in the columns of an episode's row that are known only at the end of its round.
-    fn complete_row(&self, row: &mut EpisodeRow) {
-        row.visitation_entropy = self.entropy[row.agent as usize];
-        row.team_overlap = self.diversity.overlap;
-        row.effective_agents = self.diversity.effective_agents;
+/// What the rows of a round have in common.
+struct TeamColumns {
+    team_coverage: f64,
+    all: Diversity,
+    recent: Diversity,
+    /// Share of cells that the team visited first in the round, per 1,000 steps.
+    new_coverage_rate: f64,
+}
+
+impl TeamColumns {
+    /// Fills in the columns that are known only when all agents have been measured.
+    fn complete(&self, rows: &mut RoundRows) {
+        for row in &mut rows.episodes {
+            row.team_overlap = self.all.overlap;
+            row.effective_agents = self.all.effective_agents;
+        }
+        for row in &mut rows.updates {
+            row.team_coverage = self.team_coverage;
+            row.team_overlap = self.all.overlap;
+            row.effective_agents = self.all.effective_agents;
+            row.recent_overlap = Some(self.recent.overlap);
+            row.recent_effective_agents = Some(self.recent.effective_agents);
+            row.new_coverage_rate = Some(self.new_coverage_rate);
+        }
     }
 }
 
@@ -73,238 +126,289 @@ impl Measures {
     /// Measures of a team of `agents` agents before its first episode.
     #[must_use]
     pub fn new(spec: &TaskSpec, agents: usize) -> Self {
+        Self::on_ranks(spec, agents, Ranks::SINGLE)
+    }
+
+    /// Like [`new`](Self::new), with the visits of the agents of this rank.
+    #[must_use]
+    pub fn on_ranks(spec: &TaskSpec, agents: usize, ranks: Ranks) -> Self {
+        let local = ranks.local_agents(agents as u32);
+        let no_visits = AgentVisits {
+            all: Visitation::new(spec),
+            recent: RecentVisits::new(spec),
+            first_coverage: 0.0,
+        };
         Self {
-            env_steps: 0,
-            visitation: vec![Visitation::new(spec); agents],
-            recent: RecentVisits::new(spec, agents),
-            first_visits: FirstVisits::new(spec, agents),
-            team_returns: Vec::new(),
-            unmatched_returns: vec![VecDeque::new(); agents],
-            last_returns: vec![VecDeque::new(); agents],
+            first_agent: local.start,
+            agents: vec![no_visits; local.len()],
+            cells: VisitedCells::new(spec),
+            returns: TeamReturns::new(if ranks.is_first() { agents } else { 0 }),
         }
     }
 
-    /// Adds a finished round and returns its rows. `episodes` are in (agent, episode) order,
-    /// `reports` in the order in which agents learned. Large teams are divided over `workers`, on which no bit
-    /// depends.
+    /// Adds a finished round. `episodes` are those of the local agents, in (agent, episode) order, `reports`
+    /// of their updates, in the order in which agents learned. Returns the rows of all agents, on rank 0.
     pub fn add_round(
         &mut self,
         spec: &TaskSpec,
         round: u32,
         episodes: &[&Episode],
         reports: &[(u32, UpdateReport)],
-        workers: Workers<'_>,
+        division: Division<'_>,
     ) -> RoundRows {
-        let workers = self.workers_for(episodes, workers);
-        let visited = workers.map(episodes.to_vec(), |episode| {
-            let states = StateBins::of(&spec.observations, &episode.observations);
-            (episode.agent, states)
+        let division = self.useful_division(episodes, division);
+        let visits = self.visits_of_agents(spec, episodes, division.workers);
+        let coverage = self.add_visits(&visits, division.workers);
+        let new_coverage = self.cells.add_round(&visits, division);
+        self.add_recent(visits, &new_coverage, division.workers);
+        let recent = self.recent_diversity(division);
+        let statistics = self.local_statistics(division);
+        let episode_rows = episodes.iter().zip(coverage);
+        let episode_rows = episode_rows.map(|(episode, coverage)| EpisodeRow {
+            coverage,
+            visitation_entropy: statistics.entropy[self.local(episode.agent)],
+            ..row_of_episode(episode)
         });
-        let steps_before = self.env_steps;
-        let coverage = self.add_visits(&visited, workers);
-        let mut episode_rows = Vec::with_capacity(episodes.len());
-        for (episode, coverage) in episodes.iter().zip(coverage) {
-            episode_rows.push(self.add_episode(episode, coverage));
-        }
-        self.extend_team_returns(episodes);
-        let new_coverage = self.first_visits.add_round(&visited, workers);
-        self.recent.add_round(visited, workers);
-        let new_coverage_rate = new_coverage.iter().sum::<f64>() * 1000.0
-            / (self.env_steps - steps_before).max(1) as f64;
-        let recent = self.recent.diversity(workers);
-        let visits = self.visit_statistics(workers);
-        for row in &mut episode_rows {
-            visits.complete_row(row);
-        }
-        let updates = reports.iter().map(|&(agent, report)| RoundRow {
-            agent,
-            round,
-            gradient_steps: report.gradient_steps.map(|steps| steps as f32),
-            value_loss: report.value_loss,
-            policy_loss: report.policy_loss,
-            ratio_deviation: report.ratio_deviation,
-            largest_ratio: report.largest_ratio,
-            clipped_fraction: report.clipped_fraction,
-            entropy: report.entropy,
-            intrinsic_reward: report.intrinsic_reward,
-            prediction_error: report.prediction_error,
-            bonus_agreement: report.bonus_agreement,
-            coverage: self.visitation[agent as usize].coverage(),
-            visitation_entropy: visits.entropy[agent as usize],
-            visitation_evenness: visits.evenness[agent as usize],
-            team_coverage: visits.team_coverage,
-            team_overlap: visits.diversity.overlap,
-            effective_agents: visits.diversity.effective_agents,
-            recent_overlap: Some(recent.overlap),
-            recent_effective_agents: Some(recent.effective_agents),
-            first_coverage: Some(self.first_visits.coverage()[agent as usize]),
-            new_coverage: Some(new_coverage[agent as usize]),
-            new_coverage_rate: Some(new_coverage_rate),
+        let update_rows = reports.iter().map(|&(agent, report)| {
+            let local = self.local(agent);
+            RoundRow {
+                agent,
+                round,
+                gradient_steps: report.gradient_steps.map(|steps| steps as f32),
+                value_loss: report.value_loss,
+                policy_loss: report.policy_loss,
+                ratio_deviation: report.ratio_deviation,
+                largest_ratio: report.largest_ratio,
+                clipped_fraction: report.clipped_fraction,
+                entropy: report.entropy,
+                intrinsic_reward: report.intrinsic_reward,
+                prediction_error: report.prediction_error,
+                bonus_agreement: report.bonus_agreement,
+                coverage: statistics.coverage[local],
+                visitation_entropy: statistics.entropy[local],
+                visitation_evenness: statistics.evenness[local],
+                first_coverage: Some(self.agents[local].first_coverage),
+                new_coverage: Some(new_coverage[local]),
+                // The same for all agents: `TeamColumns::complete` replaces them.
+                team_coverage: 0.0,
+                team_overlap: 1.0,
+                effective_agents: 1.0,
+                recent_overlap: None,
+                recent_effective_agents: None,
+                new_coverage_rate: None,
+            }
         });
-        RoundRows {
-            episodes: episode_rows,
-            updates: updates.collect(),
+        let mut rows = RoundRows {
+            episodes: division.ranks.gather_lists(episode_rows.collect()),
+            updates: division.ranks.gather_lists(update_rows.collect()),
+        };
+        let new_coverage = division.ranks.gather_lists(new_coverage);
+        if division.ranks.is_first() {
+            let steps_before = self.returns.env_steps;
+            self.returns.add(&mut rows.episodes);
+            let steps = (self.returns.env_steps - steps_before).max(1);
+            let columns = TeamColumns {
+                team_coverage: statistics.team_coverage,
+                all: statistics.diversity,
+                recent,
+                new_coverage_rate: new_coverage.iter().sum::<f64>() * 1000.0 / steps as f64,
+            };
+            columns.complete(&mut rows);
         }
+        rows
     }
 
     /// Number of environment steps of the whole team.
     #[must_use]
     pub fn env_steps(&self) -> u64 {
-        self.env_steps
+        self.returns.env_steps
     }
 
     /// Number of episodes that every agent has finished.
     #[must_use]
     pub fn episodes_per_agent(&self) -> usize {
-        self.team_returns.len()
+        self.returns.episodes_per_agent()
     }
 
-    /// Mean return over all agents and over the last [`FINAL_WINDOW`] episodes of each agent, or over all
-    /// its episodes if there are fewer. `None` before every agent has finished an episode.
+    /// Mean return over all agents and over the last [`FINAL_WINDOW`](super::facts::FINAL_WINDOW) episodes of each agent, or
+    /// over all its episodes if there are fewer. `None` before every agent has finished an episode.
     #[must_use]
     pub fn final_return(&self) -> Option<f64> {
-        let matched = self.team_returns.len();
-        let counts = self.unmatched_returns.iter();
-        let counts = counts.map(|unmatched| matched + unmatched.len());
-        let last = self.last_returns.iter();
-        let last = last.map(|returns| returns.iter().copied().collect::<Vec<f64>>());
-        final_return(counts, &self.team_returns, last)
+        self.returns.final_return()
     }
 
     /// Whether the mean return over the latest full window reaches the threshold.
     #[must_use]
     pub fn reaches(&self, threshold: Threshold) -> bool {
-        let start = self.team_returns.len().checked_sub(threshold.window);
-        start.is_some_and(|start| {
-            threshold.is_reached_by(&self.team_returns[start..], Rounding::SingleRewards)
-        })
+        self.returns.reach(threshold)
     }
 
     /// Number of episodes per agent after which the mean return over the trailing window first
     /// reached the threshold.
     #[must_use]
     pub fn episodes_until(&self, threshold: Threshold) -> Option<usize> {
-        threshold.first_window(&self.team_returns, Rounding::SingleRewards)
+        self.returns.episodes_until(threshold)
     }
 
-    /// Share of cells that each agent has visited, from 0 to 1: `[K]`
-    pub fn coverage(&self) -> impl Iterator<Item = f64> {
-        self.visitation.iter().map(Visitation::coverage)
-    }
-
-    /// Share of cells that at least one agent has visited, from 0 to 1.
+    /// Statistics of the states that the team has visited so far, on rank 0.
     #[must_use]
-    pub fn team_coverage(&self) -> f64 {
-        visitation::team_coverage(&self.visitation)
-    }
-
-    /// Statistics of the states that the team has visited so far.
-    #[must_use]
-    pub fn visit_statistics(&self, workers: Workers<'_>) -> VisitStatistics {
-        let agents = &self.visitation;
-        let entropy = workers.map(agents.iter().collect(), Visitation::entropy);
-        let evenness = agents.iter().zip(&entropy);
-        let evenness = evenness.map(|(agent, entropy)| agent.evenness(*entropy));
+    pub fn visit_statistics(&self, division: Division<'_>) -> VisitStatistics {
+        let ranks = division.ranks;
+        let local = self.local_statistics(division);
         VisitStatistics {
-            evenness: evenness.collect(),
-            team_coverage: self.team_coverage(),
-            diversity: visitation::diversity(agents, &entropy, workers),
-            entropy: entropy.into_iter().map(without_rounding_error).collect(),
+            coverage: ranks.gather_lists(local.coverage),
+            entropy: ranks.gather_lists(local.entropy),
+            evenness: ranks.gather_lists(local.evenness),
+            ..local
         }
     }
 
-    /// The workers, unless the measures of a round take less time than passing them on.
-    fn workers_for<'a>(&self, episodes: &[&Episode], workers: Workers<'a>) -> Workers<'a> {
-        let cells: usize = self.visitation.iter().map(Visitation::cell_count).sum();
+    /// Everything that is needed to go on later, on rank 0.
+    ///
+    /// # Panics
+    /// Never: plain data always serializes.
+    #[must_use]
+    pub fn save(&self, ranks: Ranks) -> SavedMeasures {
+        let bytes = |agent| postcard::to_stdvec(agent).expect("plain data always serializes");
+        SavedMeasures {
+            cells: self.cells.clone(),
+            returns: self.returns.clone(),
+            agents: ranks.gather_lists(self.agents.iter().map(bytes).collect()),
+        }
+    }
+
+    /// Continues from saved measures.
+    ///
+    /// # Errors
+    /// They are damaged, or those of another team or task.
+    pub fn restore(&mut self, saved: SavedMeasures) -> Result<(), String> {
+        let first = self.first_agent as usize;
+        let local = saved.agents.get(first..first + self.agents.len());
+        let local = local.ok_or("it has measures of fewer agents")?;
+        for (agent, bytes) in self.agents.iter_mut().zip(local) {
+            let restored: AgentVisits =
+                postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+            *agent = restored;
+        }
+        self.cells = saved.cells;
+        self.returns = saved.returns;
+        Ok(())
+    }
+
+    /// The index of a local agent.
+    fn local(&self, agent: u32) -> usize {
+        (agent - self.first_agent) as usize
+    }
+
+    /// The threads, unless the measures of a round take less time than passing them on.
+    fn useful_division<'a>(&self, episodes: &[&Episode], division: Division<'a>) -> Division<'a> {
+        let cells: usize = self.agents.iter().map(|agent| agent.all.cell_count()).sum();
         let states: usize = episodes.iter().map(|episode| episode.length() + 1).sum();
         if cells + states < MIN_SHARED_WORK {
-            Workers::CURRENT_THREAD
+            Division {
+                workers: Workers::CURRENT_THREAD,
+                ..division
+            }
         } else {
-            workers
+            division
         }
+    }
+
+    /// The states that each local agent visited in a round, episode by episode: `[local agents]`
+    fn visits_of_agents(
+        &self,
+        spec: &TaskSpec,
+        episodes: &[&Episode],
+        workers: Workers<'_>,
+    ) -> Vec<Vec<StateBins>> {
+        let visits = workers.map(episodes.to_vec(), |episode| {
+            let states = StateBins::of(&spec.observations, &episode.observations);
+            (self.local(episode.agent), states)
+        });
+        let mut of_agents = vec![Vec::new(); self.agents.len()];
+        for (agent, states) in visits {
+            of_agents[agent].push(states);
+        }
+        of_agents
     }
 
     /// Counts the states of a round. Returns the coverage of its agent after each episode.
-    fn add_visits(&mut self, visited: &[(u32, StateBins)], workers: Workers<'_>) -> Vec<f64> {
-        let of_agents = visits_of_agents(visited, self.visitation.len());
-        let agents = self.visitation.iter_mut().zip(of_agents).collect();
-        let coverage = workers.map(agents, |(visitation, visits): (&mut Visitation, _)| {
+    fn add_visits(&mut self, visits: &[Vec<StateBins>], workers: Workers<'_>) -> Vec<f64> {
+        let agents = self.agents.iter_mut().zip(visits).collect();
+        let coverage = workers.map(agents, |(agent, visits): (&mut AgentVisits, _)| {
             let mut coverage = Vec::new();
-            for (_, states) in visits {
-                visitation.add(states);
-                coverage.push(visitation.coverage());
+            for states in visits {
+                agent.all.add(states);
+                coverage.push(agent.all.coverage());
             }
             coverage
         });
         coverage.concat()
     }
 
-    fn add_episode(&mut self, episode: &Episode, coverage: f64) -> EpisodeRow {
-        self.env_steps += episode.length() as u64;
-        EpisodeRow {
-            agent: episode.agent,
-            episode: episode.episode,
-            round: episode.round,
-            env_steps: self.env_steps,
-            r#return: episode.total_reward(),
-            length: episode.length() as u32,
-            outcome: episode.outcome,
-            coverage,
-            // Placeholders: `VisitStatistics::complete_row` replaces them at the end of the round.
-            visitation_entropy: 0.0,
-            team_overlap: 1.0,
-            effective_agents: 1.0,
-        }
+    /// Counts the states of a round among the recent ones, and the cells that agents were the first to visit.
+    fn add_recent(
+        &mut self,
+        visits: Vec<Vec<StateBins>>,
+        new_coverage: &[f64],
+        workers: Workers<'_>,
+    ) {
+        let agents = self.agents.iter_mut().zip(visits).zip(new_coverage);
+        workers.for_each(&mut agents.collect::<Vec<_>>(), |((agent, visits), new)| {
+            agent.recent.add_round(std::mem::take(visits));
+            agent.first_coverage += **new;
+        });
     }
 
-    fn extend_team_returns(&mut self, episodes: &[&Episode]) {
-        for episode in episodes {
-            let (agent, total_reward) = (episode.agent as usize, episode.total_reward());
-            self.unmatched_returns[agent].push_back(total_reward);
-            let last = &mut self.last_returns[agent];
-            last.push_back(total_reward);
-            if last.len() > FINAL_WINDOW {
-                last.pop_front();
-            }
-        }
-        while self
-            .unmatched_returns
-            .iter()
-            .all(|returns| !returns.is_empty())
-        {
-            let returns: Vec<f64> = self
-                .unmatched_returns
-                .iter_mut()
-                .filter_map(VecDeque::pop_front)
-                .collect();
-            self.team_returns.push(mean(&returns));
+    /// How different the agents' recent visits are, on rank 0.
+    fn recent_diversity(&self, division: Division<'_>) -> Diversity {
+        let recent = self.agents.iter().map(|agent| agent.recent.visitation());
+        let recent: Vec<&Visitation> = recent.collect();
+        let entropies = division.workers.map(recent.clone(), Visitation::entropy);
+        visitation::diversity(&recent, &entropies, division)
+    }
+
+    /// Statistics of the local agents, and on rank 0 the diversity of the team.
+    fn local_statistics(&self, division: Division<'_>) -> VisitStatistics {
+        let agents: Vec<&Visitation> = self.agents.iter().map(|agent| &agent.all).collect();
+        let entropy = division.workers.map(agents.clone(), Visitation::entropy);
+        let evenness = agents.iter().zip(&entropy);
+        let evenness = evenness.map(|(agent, entropy)| agent.evenness(*entropy));
+        VisitStatistics {
+            coverage: agents.iter().map(|agent| agent.coverage()).collect(),
+            evenness: evenness.collect(),
+            team_coverage: self.cells.coverage(),
+            diversity: visitation::diversity(&agents, &entropy, division),
+            entropy: entropy.into_iter().map(without_rounding_error).collect(),
         }
     }
 }
 
-/// What each agent visited in a round. `visits` are in the order of agents. → `[K]`
-fn visits_of_agents(visits: &[(u32, StateBins)], agents: usize) -> Vec<&[(u32, StateBins)]> {
-    let mut of_agents = vec![&[][..]; agents];
-    for visits in visits.chunk_by(|one, next| one.0 == next.0) {
-        of_agents[visits[0].0 as usize] = visits;
+/// The row of an episode, without measures of visits and of the team.
+fn row_of_episode(episode: &Episode) -> EpisodeRow {
+    EpisodeRow {
+        agent: episode.agent,
+        episode: episode.episode,
+        round: episode.round,
+        env_steps: 0,
+        r#return: episode.total_reward(),
+        length: episode.length() as u32,
+        outcome: episode.outcome,
+        coverage: 0.0,
+        visitation_entropy: 0.0,
+        team_overlap: 1.0,
+        effective_agents: 1.0,
     }
-    of_agents
 }
 
 /// Number of cells of all agents and of states in a round from which threads share the work of measuring it: a tenth
 /// of a millisecond.
 const MIN_SHARED_WORK: usize = 100_000;
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use seedbed_env::{Quantity, Status};
-
-    const ONE: Workers<'static> = Workers::CURRENT_THREAD;
 
     pub(super) fn spec(axes: usize) -> TaskSpec {
         let quantity = |index| Quantity {
@@ -338,7 +442,13 @@ mod tests {
                 episode(0, round as u32, &[a]),
                 episode(1, round as u32, &[b]),
             ];
-            measures.add_round(&spec(2), round as u32, &episodes.each_ref(), &[], ONE);
+            measures.add_round(
+                &spec(2),
+                round as u32,
+                &episodes.each_ref(),
+                &[],
+                Division::NONE,
+            );
         }
         assert_eq!(
             measures.episodes_until(Threshold {
@@ -371,7 +481,13 @@ mod tests {
     fn a_team_return_waits_for_every_agent() {
         let mut measures = Measures::new(&spec(2), 2);
         let mut add_round = |episodes: &[Episode]| {
-            measures.add_round(&spec(2), 0, &episodes.iter().collect::<Vec<_>>(), &[], ONE);
+            measures.add_round(
+                &spec(2),
+                0,
+                &episodes.iter().collect::<Vec<_>>(),
+                &[],
+                Division::NONE,
+            );
             (measures.episodes_per_agent(), measures.final_return())
         };
         let first = [episode(0, 0, &[2.0]), episode(0, 0, &[8.0])];
@@ -392,7 +508,13 @@ mod tests {
                 episode(1, number.into(), &reward),
             ];
             let played = if number < 30 { &both[..] } else { &both[1..] };
-            measures.add_round(&spec(2), 0, &played.iter().collect::<Vec<_>>(), &[], ONE);
+            measures.add_round(
+                &spec(2),
+                0,
+                &played.iter().collect::<Vec<_>>(),
+                &[],
+                Division::NONE,
+            );
         }
         assert_eq!(measures.final_return(), Some(22.0));
         assert_eq!(measures.episodes_per_agent(), 30);
@@ -408,7 +530,7 @@ mod tests {
             0,
             &episodes.each_ref(),
             &[0, 1].map(|agent| (agent, UpdateReport::default())),
-            ONE,
+            Division::NONE,
         );
         assert_eq!(
             rows.episodes
@@ -418,8 +540,10 @@ mod tests {
             [2, 3]
         );
         assert!((rows.updates[1].coverage - 1.0 / 400.0).abs() < 1e-12);
-        assert!((measures.team_coverage() - 2.0 / 400.0).abs() < 1e-12);
-        assert_eq!(rows.updates[0].team_coverage, measures.team_coverage());
+        let statistics = measures.visit_statistics(Division::NONE);
+        assert_eq!(statistics.coverage, [1.0 / 400.0; 2]);
+        assert_eq!(statistics.team_coverage, 2.0 / 400.0);
+        assert_eq!(rows.updates[0].team_coverage, statistics.team_coverage);
         assert!(
             (rows.updates[0].effective_agents - 2.0).abs() < 1e-12
                 && rows.updates[1].team_overlap.abs() < 1e-12
@@ -445,7 +569,8 @@ mod tests {
         let spec = spec(8);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();
         let pool = pool.unwrap();
-        let measured = [ONE, Workers::new(Some(&pool))].map(|workers| {
+        let measured = [Workers::CURRENT_THREAD, Workers::new(Some(&pool))].map(|workers| {
+            let ranks = Ranks::SINGLE;
             let mut measures = Measures::new(&spec, AGENTS as usize);
             let mut random = 1_u32;
             let mut rows = Vec::new();
@@ -468,7 +593,8 @@ mod tests {
                 let reports: Vec<_> = (0..AGENTS)
                     .map(|agent| (agent, UpdateReport::default()))
                     .collect();
-                rows.push(measures.add_round(&spec, round, &episodes, &reports, workers));
+                let division = Division { workers, ranks };
+                rows.push(measures.add_round(&spec, round, &episodes, &reports, division));
             }
             let cells = 28 * 400 * AGENTS as usize;
             assert!(cells > MIN_SHARED_WORK);

@@ -9,62 +9,49 @@ use serde::{Deserialize, Serialize};
 
 use super::diversity::Diversity;
 use super::visitation::{self, StateBins, Visitation};
-use super::visits_of_agents;
 use seedbed_env::TaskSpec;
-use seedbed_learn::team::Workers;
 
 /// Number of latest rounds whose visits count.
 pub const RECENT_ROUNDS: usize = 10;
 
-/// The visits of the latest [`RECENT_ROUNDS`] rounds.
+/// The visits of one agent in the latest [`RECENT_ROUNDS`] rounds.
 ///
 /// Takes two bytes per observation of each state, and the counts of [`Visitation`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RecentVisits {
-    /// `[K]`
-    visitation: Vec<Visitation>,
-    /// Agents and states of each round, the oldest round first.
-    rounds: VecDeque<Vec<(u32, StateBins)>>,
+    visitation: Visitation,
+    /// States of each round, the oldest round first.
+    rounds: VecDeque<Vec<StateBins>>,
 }
 
 impl RecentVisits {
-    /// No visits of `agents` agents.
+    /// No visits.
     #[must_use]
-    pub fn new(spec: &TaskSpec, agents: usize) -> Self {
+    pub fn new(spec: &TaskSpec) -> Self {
         Self {
-            visitation: vec![Visitation::new(spec); agents],
+            visitation: Visitation::new(spec),
             rounds: VecDeque::new(),
         }
     }
 
-    /// Adds the states that agents visited in a round, and forgets those of the oldest round if there
+    /// Adds the states that the agent visited in a round, and forgets those of the oldest round if there
     /// are more than [`RECENT_ROUNDS`].
-    pub fn add_round(&mut self, visits: Vec<(u32, StateBins)>, workers: Workers<'_>) {
-        let oldest = if self.rounds.len() < RECENT_ROUNDS {
-            Vec::new()
-        } else {
-            self.rounds.pop_front().unwrap_or_default()
-        };
-        let new = visits_of_agents(&visits, self.visitation.len());
-        let old = visits_of_agents(&oldest, self.visitation.len());
-        let agents = self.visitation.iter_mut().zip(new).zip(old);
-        workers.for_each(&mut agents.collect::<Vec<_>>(), |((agent, new), old)| {
-            for (_, states) in *new {
-                agent.add(states);
+    pub fn add_round(&mut self, visits: Vec<StateBins>) {
+        for states in &visits {
+            self.visitation.add(states);
+        }
+        if self.rounds.len() == RECENT_ROUNDS {
+            for states in self.rounds.pop_front().iter().flatten() {
+                self.visitation.remove(states);
             }
-            for (_, states) in *old {
-                agent.remove(states);
-            }
-        });
+        }
         self.rounds.push_back(visits);
     }
 
-    /// How different the agents' visits are.
+    /// Counts of the visited states.
     #[must_use]
-    pub fn diversity(&self, workers: Workers<'_>) -> Diversity {
-        let agents = self.visitation.iter().collect();
-        let entropies = workers.map(agents, Visitation::entropy);
-        visitation::diversity(&self.visitation, &entropies, workers)
+    pub fn visitation(&self) -> &Visitation {
+        &self.visitation
     }
 }
 
@@ -123,65 +110,63 @@ mod tests {
         StateBins::of(&spec(2).observations, &values)
     }
 
+    fn effective_agents(agents: &[RecentVisits]) -> f64 {
+        let visits: Vec<Visitation> = agents
+            .iter()
+            .map(|agent| agent.visitation.clone())
+            .collect();
+        let diversity = visitation::diversity_of_team(&visits);
+        diversity.unwrap().effective_agents
+    }
+
     /// Two agents visit one cell each, and exchange them after ten rounds: over all rounds they visit the
     /// same, in the latest ten rounds nothing in common. In between, after five further rounds, both
     /// have visited both cells equally often.
     #[test]
     fn old_rounds_are_forgotten() {
         let [left, right] = [states([0.0, 0.0]), states([19.0, 19.0])];
-        let mut recent = RecentVisits::new(&spec(2), 2);
-        let mut effective_agents = Vec::new();
+        let mut recent = vec![RecentVisits::new(&spec(2)); 2];
+        let mut found = Vec::new();
         for round in 0..20 {
             let [one, other] = if round < 10 {
                 [&left, &right]
             } else {
                 [&right, &left]
             };
-            recent.add_round(
-                vec![(0, one.clone()), (1, other.clone())],
-                Workers::CURRENT_THREAD,
-            );
-            effective_agents.push(recent.diversity(Workers::CURRENT_THREAD).effective_agents);
+            recent[0].add_round(vec![one.clone()]);
+            recent[1].add_round(vec![other.clone()]);
+            found.push(effective_agents(&recent));
         }
-        let expected = [(0, 2.0), (9, 2.0), (14, 1.0), (19, 2.0)];
-        for (round, expected) in expected {
-            assert!(
-                (effective_agents[round] - expected).abs() < 1e-12,
-                "round {round}"
-            );
+        for (round, expected) in [(0, 2.0), (9, 2.0), (14, 1.0), (19, 2.0)] {
+            assert!((found[round] - expected).abs() < 1e-12, "round {round}");
         }
     }
 
-    /// As long as no round is forgotten, recent visits are all visits.
+    /// As long as no round is forgotten, recent visits are all visits. A round without visits counts.
     #[test]
     fn the_first_rounds_are_all_visits() {
-        let mut recent = RecentVisits::new(&spec(2), 2);
-        let mut all = vec![Visitation::new(&spec(2)); 2];
+        let mut recent = RecentVisits::new(&spec(2));
+        let mut all = Visitation::new(&spec(2));
         for round in 0..RECENT_ROUNDS {
-            let visits =
-                [0, 1].map(|agent| (agent, states([(round * agent as usize) as f32, 3.0])));
-            for (agent, states) in &visits {
-                all[*agent as usize].add(states);
-            }
-            recent.add_round(visits.to_vec(), Workers::CURRENT_THREAD);
+            let visited = states([round as f32, 3.0]);
+            all.add(&visited);
+            recent.add_round(vec![visited]);
         }
         assert_eq!(recent.visitation, all);
-        recent.add_round(Vec::new(), Workers::CURRENT_THREAD);
+        recent.add_round(Vec::new());
         assert!(recent.visitation != all);
     }
 
     /// Read agent by agent, the recent visits are the same as read round by round.
     #[test]
     fn recent_visits_do_not_depend_on_the_order_of_reading() {
-        let mut by_round = RecentVisits::new(&spec(2), 2);
+        let mut by_round = vec![RecentVisits::new(&spec(2)); 2];
         let mut by_agent = LatestVisits::default();
         let states_of =
             |agent: u32, round: u32| states([(agent * 3 + round % 7) as f32, (round / 4) as f32]);
         for round in 0..25 {
-            by_round.add_round(
-                vec![(0, states_of(0, round)), (1, states_of(1, round))],
-                Workers::CURRENT_THREAD,
-            );
+            by_round[0].add_round(vec![states_of(0, round)]);
+            by_round[1].add_round(vec![states_of(1, round)]);
         }
         for agent in 0..2 {
             for round in 0..25 {
@@ -192,10 +177,7 @@ mod tests {
             .diversity(&Visitation::new(&spec(2)), true)
             .unwrap();
         assert!(found.effective_agents > 1.1 && found.effective_agents < 1.99);
-        assert_eq!(
-            found.effective_agents,
-            by_round.diversity(Workers::CURRENT_THREAD).effective_agents
-        );
+        assert_eq!(found.effective_agents, effective_agents(&by_round));
     }
 
     /// Agent 1 has played fewer episodes: it has no recent visits if rounds are shared, otherwise its

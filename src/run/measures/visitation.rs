@@ -2,11 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Division;
 use super::diversity::{
     Diversity, add_to_mixture, distribution_entropy, diversity_of_grids, entropy,
 };
 use seedbed_env::{Quantity, TaskSpec};
-use seedbed_learn::team::Workers;
 
 /// Number of cells of a grid along one observation.
 const CELLS_PER_AXIS: usize = 20;
@@ -100,8 +100,7 @@ impl Visitation {
     /// visits if an observation was always NaN.
     #[must_use]
     pub fn entropy(&self) -> f64 {
-        let has_visits = |grid: &&[u32]| grid.iter().any(|&count| count > 0);
-        let grids = self.grids().filter(has_visits);
+        let grids = self.grids().filter(|grid| has_visits(grid));
         let (sum, count) = grids.fold((0.0, 0_u32), |(sum, count), grid| {
             (sum + entropy(grid), count + 1)
         });
@@ -124,6 +123,14 @@ impl Visitation {
     fn grids(&self) -> std::slice::ChunksExact<'_, u32> {
         self.counts.chunks_exact(self.cells_per_grid)
     }
+
+    fn grid(&self, number: usize) -> &[u32] {
+        &self.counts[number * self.cells_per_grid..][..self.cells_per_grid]
+    }
+}
+
+fn has_visits(grid: &[u32]) -> bool {
+    grid.iter().any(|&count| count > 0)
 }
 
 /// An entropy that is not below 0: that of a single visited cell may be computed as −2.2e-16. Sums of
@@ -208,20 +215,11 @@ fn largest_observation(observations: &[f32]) -> Option<u16> {
     u16::try_from(index).ok()
 }
 
-/// The share of cells that at least one agent has visited, from 0 to 1. `agents: [K]`, at least
-/// one.
-#[must_use]
-pub fn team_coverage(agents: &[Visitation]) -> f64 {
-    let visited = |cell: &usize| agents.iter().any(|agent| agent.counts[*cell] > 0);
-    let cells = agents[0].counts.len();
-    (0..cells).filter(visited).count() as f64 / cells as f64
-}
-
 /// How different the visited states of the agents are, as [`known_diversity`]; without two agents with
 /// visits, that of a single agent.
 #[must_use]
-pub fn diversity(agents: &[Visitation], entropies: &[f64], workers: Workers<'_>) -> Diversity {
-    let known = known_diversity(agents, entropies, workers);
+pub fn diversity(agents: &[&Visitation], entropies: &[f64], division: Division<'_>) -> Diversity {
+    let known = known_diversity(agents, entropies, division);
     known.unwrap_or_else(|| Diversity::from_divergence(0.0, 1))
 }
 
@@ -230,10 +228,10 @@ pub fn diversity(agents: &[Visitation], entropies: &[f64], workers: Workers<'_>)
 #[must_use]
 pub fn diversity_of_team(agents: &[Visitation]) -> Option<Diversity> {
     let entropies: Vec<f64> = agents.iter().map(Visitation::entropy).collect();
-    let workers = Workers::CURRENT_THREAD;
+    let visits: Vec<&Visitation> = agents.iter().collect();
     match visiting_agents(agents) {
-        1 => Some(diversity(agents, &entropies, workers)),
-        _ => known_diversity(agents, &entropies, workers),
+        1 => Some(diversity(&visits, &entropies, Division::NONE)),
+        _ => known_diversity(&visits, &entropies, Division::NONE),
     }
 }
 
@@ -243,66 +241,105 @@ pub fn visiting_agents(agents: &[Visitation]) -> usize {
     agents.iter().filter(|agent| agent.visited > 0).count()
 }
 
-/// How different the visited states of the agents are. In each grid, agents without visits are ignored,
-/// all other agents have equal weights. `None` if no grid has visits of two agents.
-/// `agents: [K]`; `entropies: [K]`
+/// How different the visited states of the agents are, on rank 0. In each grid, agents without visits are
+/// ignored, all other agents have equal weights. `None` if no grid has visits of two agents.
+/// `agents, entropies: [local agents]`
 ///
-/// Takes O(K · cells): it is the divergence of the agents from their mixture, not of each pair. Grids are divided over
-/// `workers`, on which no bit depends: each sum is over agents, or over grids, in their order.
+/// Takes O(K · cells): it is the divergence of the agents from their mixture, not of each pair. No bit depends on the
+/// division: each sum is over agents, or over grids, in their order.
 #[must_use]
 pub fn known_diversity(
-    agents: &[Visitation],
+    agents: &[&Visitation],
     entropies: &[f64],
-    workers: Workers<'_>,
+    division: Division<'_>,
 ) -> Option<Diversity> {
-    let with_visits: Vec<(&Visitation, &f64)> = agents
-        .iter()
-        .zip(entropies)
-        .filter(|(agent, _)| agent.visited > 0)
-        .collect();
-    let count = with_visits.len();
+    let ranks = division.ranks;
+    let with_visits = agents.iter().zip(entropies);
+    let with_visits = with_visits.filter(|(agent, _)| agent.visited > 0);
+    let (visiting, entropies): (Vec<&Visitation>, Vec<f64>) = with_visits.unzip();
+    let grids = agents.first().map_or(0, |agent| agent.grids().len());
+    let visitors = ranks.sum(visitors_of_grids(&visiting, grids));
+    let (&count, visitors) = visitors.split_last()?;
     if count < 2 {
         return None;
     }
-    let share = 1.0 / count as f64;
-    let grids = agents[0].grids().len();
-    let of_grids = workers.map((0..grids).collect(), |grid| {
-        entropy_of_mixture(grid, &with_visits, share)
-    });
-    let mut mixture_entropies = 0.0;
-    for entropy in of_grids {
-        let Some(entropy) = entropy else {
-            return diversity_of_different_grids(agents);
-        };
-        mixture_entropies += entropy;
+    let are_same_in_all_grids = visitors.iter().all(|visitors| *visitors == count);
+    let mixtures = mixtures(&visiting, visitors, !are_same_in_all_grids, division);
+    let entropies = ranks.gather_lists(entropies);
+    if !ranks.is_first() {
+        return None;
     }
-    let entropies = with_visits.iter().map(|(_, entropy)| **entropy);
-    let divergence = mixture_entropies / grids as f64 - share * entropies.sum::<f64>();
-    Some(Diversity::from_divergence(divergence, count))
+    if !are_same_in_all_grids {
+        let divergence = |(&visitors, mixture): (&u64, &Mixture)| {
+            let share = 1.0 / visitors as f64;
+            (visitors, mixture.entropy - share * mixture.sum_of_entropies)
+        };
+        return diversity_of_grids(visitors.iter().zip(&mixtures).map(divergence));
+    }
+    let mut mixture_entropies = 0.0;
+    for mixture in &mixtures {
+        mixture_entropies += mixture.entropy;
+    }
+    let mean = 1.0 / count as f64 * entropies.iter().sum::<f64>();
+    let divergence = mixture_entropies / grids as f64 - mean;
+    Some(Diversity::from_divergence(divergence, count as usize))
 }
 
-/// Entropy of the equally weighted mixture of the agents' visits in a grid, nats; `None` if an agent has none there.
-fn entropy_of_mixture(grid: usize, agents: &[(&Visitation, &f64)], share: f64) -> Option<f64> {
-    let mut mixture = vec![0.0; agents[0].0.cells_per_grid];
-    let cells = grid * mixture.len()..(grid + 1) * mixture.len();
-    for (agent, _) in agents {
-        if add_to_mixture(&agent.counts[cells.clone()], share, &mut mixture) == 0 {
-            return None;
+/// Number of agents with visits in each grid, and at the end that of all agents.
+fn visitors_of_grids(agents: &[&Visitation], grids: usize) -> Vec<u64> {
+    let mut visitors = vec![0; grids + 1];
+    for agent in agents {
+        for (visitors, grid) in visitors.iter_mut().zip(agent.grids()) {
+            *visitors += u64::from(has_visits(grid));
         }
     }
-    Some(distribution_entropy(&mixture))
+    visitors[grids] = agents.len() as u64;
+    visitors
 }
 
-/// Diversity of agents of which some have no visit in some grids, because an observation was always
-/// NaN.
-fn diversity_of_different_grids(agents: &[Visitation]) -> Option<Diversity> {
-    let visited = |grid: usize| {
-        let counts = agents.iter().filter_map(|agent| agent.grids().nth(grid));
-        let visited = counts.filter(|counts| counts.iter().any(|&count| count > 0));
-        visited.collect::<Vec<&[u32]>>()
+/// The equally weighted mixture of the agents' visits in a grid.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct Mixture {
+    /// Its entropy, nats.
+    entropy: f64,
+    /// Sum of the entropies of the agents, nats; 0 if it was not asked for.
+    sum_of_entropies: f64,
+}
+
+/// The mixture of each grid, on rank 0. `agents`: local agents with visits; `visitors`: number of agents of all ranks with visits
+/// in each grid
+fn mixtures(
+    agents: &[&Visitation],
+    visitors: &[u64],
+    with_entropies: bool,
+    Division { workers, ranks }: Division<'_>,
+) -> Vec<Mixture> {
+    // The sums of all cells, and behind them that of entropies.
+    let add = |grid: usize, sums: &mut Vec<f64>| {
+        let share = 1.0 / visitors[grid].max(1) as f64;
+        for counts in agents.iter().map(|agent| agent.grid(grid)) {
+            sums.resize(counts.len() + 1, 0.0);
+            let (of_entropies, mixture) = sums.split_last_mut().expect("one number or more");
+            if add_to_mixture(counts, share, mixture) > 0 && with_entropies {
+                *of_entropies += entropy(counts);
+            }
+        }
     };
-    let grids: Vec<Vec<&[u32]>> = (0..agents[0].grids().len()).map(visited).collect();
-    diversity_of_grids(&grids)
+    let mixture_of = |sums: Vec<f64>| Mixture {
+        entropy: distribution_entropy(&sums[..sums.len().saturating_sub(1)]),
+        sum_of_entropies: sums.last().copied().unwrap_or_default(),
+    };
+    let grids = visitors.len();
+    if ranks.is_single() {
+        return workers.map((0..grids).collect(), |grid| {
+            let mut sums = Vec::new();
+            add(grid, &mut sums);
+            mixture_of(sums)
+        });
+    }
+    let sums = ranks.pass_along(grids, add);
+    let of_last = sums.into_iter().flatten().map(mixture_of).collect();
+    ranks.gather_lists(of_last)
 }
 
 /// The format of counts in checkpoints: the number of cells, then two numbers for each visited
@@ -455,11 +492,9 @@ mod tests {
     }
 
     fn diversity_of(agents: &[Visitation]) -> Diversity {
-        diversity(
-            agents,
-            &agents.iter().map(Visitation::entropy).collect::<Vec<_>>(),
-            Workers::CURRENT_THREAD,
-        )
+        let visits: Vec<&Visitation> = agents.iter().collect();
+        let entropies: Vec<f64> = agents.iter().map(Visitation::entropy).collect();
+        diversity(&visits, &entropies, Division::NONE)
     }
 
     /// Agents at (0, 0, 0) and (0, 0, 9) share a cell in the first of three grids, and are in
@@ -500,11 +535,7 @@ mod tests {
             (Some(alike), 2)
         );
         assert_eq!(
-            known_diversity(
-                &[whole, nowhere.clone()],
-                &[0.0; 2],
-                Workers::CURRENT_THREAD
-            ),
+            known_diversity(&[&whole, &nowhere], &[0.0; 2], Division::NONE),
             None
         );
         assert_eq!(diversity_of_team(&[nowhere.clone(), nowhere]), None);
@@ -516,7 +547,6 @@ mod tests {
             .map(|agent| visited(2, &[(agent / 20) as f32, (agent % 20) as f32]))
             .collect();
         assert!((diversity_of(&agents).effective_agents - 256.0).abs() < 1e-9);
-        assert!((team_coverage(&agents) - 256.0 / 400.0).abs() < 1e-12);
     }
 
     #[test]

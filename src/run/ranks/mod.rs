@@ -1,8 +1,9 @@
 //! The processes over which a run is divided, and what they tell each other by MPI.
 //!
-//! Agents are divided into consecutive blocks, so that the order of ranks is the order of agents.
-//! Numbers are copied from rank to rank and never summed on the way, so that the bits of a run do not
-//! depend on the number of ranks. Rank 0 records and writes. A build without the feature `mpi` has
+//! Agents are divided into consecutive blocks, so that the order of ranks is the order of agents. Each
+//! rank plays, learns, measures and records for its agents; rank 0 puts together what all have in common, and
+//! writes. Numbers are copied from rank to rank, and summed on the way only if they are whole or in the order of
+//! ranks, so that the bits of a run do not depend on the number of ranks. A build without the feature `mpi` has
 //! [`Ranks::SINGLE`] only.
 //!
 //! All ranks must make the same calls in the same order. An error that only some of them meet passes
@@ -54,7 +55,7 @@ impl Ranks {
         cfg!(not(feature = "mpi")) || self.count == 1
     }
 
-    /// Whether this process records and writes the results.
+    /// Whether this process writes the results.
     #[must_use]
     pub fn is_first(self) -> bool {
         self.rank == 0
@@ -97,6 +98,58 @@ impl Ranks {
     #[must_use]
     pub(crate) fn gather_lists<T: Serialize + DeserializeOwned>(self, list: Vec<T>) -> Vec<T> {
         self.gather(list).into_iter().flatten().collect()
+    }
+
+    /// The sums of the numbers of all ranks, on all ranks. Whole numbers have the same sum in any order.
+    #[must_use]
+    pub(crate) fn sum(self, numbers: Vec<u64>) -> Vec<u64> {
+        if self.is_single() {
+            return numbers;
+        }
+        measured(|| calls::sum(&numbers))
+    }
+
+    /// Passes lists of numbers along all ranks, in their order: to list `number`, which is empty on rank 0, each rank does
+    /// `add`. So sums of numbers that are rounded have the bits of one process. Returns the lists on the last rank, `None`
+    /// on others.
+    #[must_use]
+    pub(crate) fn pass_along(
+        self,
+        lists: usize,
+        mut add: impl FnMut(usize, &mut Vec<f64>),
+    ) -> Option<Vec<Vec<f64>>> {
+        let is_last = self.rank + 1 == self.count;
+        let mut kept = Vec::new();
+        for number in 0..lists {
+            let mut list = Vec::new();
+            if self.rank > 0 {
+                list = measured(|| calls::receive_numbers(self.rank - 1));
+                RECEIVED_BYTES.fetch_add(8 * list.len() as u64, Ordering::Relaxed);
+            }
+            add(number, &mut list);
+            if is_last {
+                kept.push(list);
+            } else {
+                measured(|| calls::send_numbers(self.rank + 1, &list));
+            }
+        }
+        is_last.then_some(kept)
+    }
+
+    /// The bytes of all ranks, in their order, on rank 0; the rank's own bytes on others.
+    #[must_use]
+    pub(crate) fn gather_bytes(self, bytes: Vec<u8>) -> Vec<Vec<u8>> {
+        if self.is_single() {
+            return vec![bytes];
+        }
+        measured(|| match calls::gather(&bytes) {
+            Some(gathered) => {
+                let received = gathered.iter().skip(1).map(Vec::len).sum::<usize>();
+                RECEIVED_BYTES.fetch_add(received as u64, Ordering::Relaxed);
+                gathered
+            }
+            None => vec![bytes],
+        })
     }
 
     /// The value of rank 0, on all ranks.
@@ -232,6 +285,18 @@ mod calls {
         unreachable!("{REASON}")
     }
 
+    pub(super) fn sum(_: &[u64]) -> Vec<u64> {
+        unreachable!("{REASON}")
+    }
+
+    pub(super) fn receive_numbers(_: u32) -> Vec<f64> {
+        unreachable!("{REASON}")
+    }
+
+    pub(super) fn send_numbers(_: u32, _: &[f64]) {
+        unreachable!("{REASON}")
+    }
+
     pub(super) fn wait_for_end() -> ! {
         unreachable!("{REASON}")
     }
@@ -259,6 +324,9 @@ mod tests {
         let ranks = Ranks::SINGLE;
         assert_eq!(ranks.all_gather(3), [3]);
         assert_eq!(ranks.gather_lists(vec![3, 4]), [3, 4]);
+        assert_eq!(ranks.sum(vec![3, 4]), [3, 4]);
+        let passed = ranks.pass_along(2, |number, list| list.push(number as f64));
+        assert_eq!(passed, Some(vec![vec![0.0], vec![1.0]]));
         assert_eq!(ranks.broadcast(5), 5);
         assert_eq!(ranks.agree::<(), _>(Err(7)), Err(7));
     }

@@ -2,7 +2,7 @@
 //! are sent in pieces.
 
 use mpi::Threading;
-use mpi::collective::CommunicatorCollectives;
+use mpi::collective::{CommunicatorCollectives, SystemOperation};
 use mpi::environment::Universe;
 use mpi::point_to_point::{Destination, Source};
 use mpi::request::{WaitGuard, scope};
@@ -115,6 +115,23 @@ pub(super) fn broadcast(bytes: Option<Vec<u8>>) -> Option<Vec<u8>> {
     let mut list = bytes.unwrap_or_else(|| vec![0; length as usize]);
     broadcast_pieces(0, &mut list);
     (!is_root).then_some(list)
+}
+
+/// The sums of the numbers of all ranks.
+pub(super) fn sum(numbers: &[u64]) -> Vec<u64> {
+    let mut sums = vec![0; numbers.len()];
+    waiting(|| world().all_reduce_into(numbers, &mut sums[..], SystemOperation::sum()));
+    sums
+}
+
+/// The numbers that another rank sends to this one.
+pub(super) fn receive_numbers(rank: u32) -> Vec<f64> {
+    waiting(|| world().process_at_rank(rank as i32).receive_vec().0)
+}
+
+/// Sends numbers to another rank.
+pub(super) fn send_numbers(rank: u32, numbers: &[f64]) {
+    world().process_at_rank(rank as i32).send(numbers);
 }
 
 /// Sends one list to each rank; returns the lists that this rank was sent. In step s, each rank sends

@@ -81,9 +81,24 @@ pub trait RecorderFactory {
         settings: &RecordingSettings,
         checkpoint: &[u8],
     ) -> Result<Box<dyn Recorder>, RecordError>;
+
+    /// The part of the recorder that belongs to a rank other than 0; `None` if rank 0 needs no help, as by default. `checkpoint`
+    /// is that of the recorder on rank 0, if the run is resumed. All ranks then make the same calls of their parts.
+    ///
+    /// # Errors
+    /// The checkpoint belongs to another recorder or run.
+    fn follow(
+        self: Box<Self>,
+        _info: &RunInfo<'_>,
+        _settings: &RecordingSettings,
+        _checkpoint: Option<&[u8]>,
+    ) -> Result<Option<Box<dyn Recorder>>, RecordError> {
+        Ok(None)
+    }
 }
 
-/// One round of the whole team.
+/// One round of the whole team. On one of several ranks, episodes and what belongs to them are those of the local agents, and
+/// only rank 0 has all rows.
 #[derive(Clone, Copy, Debug)]
 pub struct RoundRecord<'a> {
     /// Number of the round, from 0.
@@ -98,7 +113,7 @@ pub struct RoundRecord<'a> {
     /// episode for which nothing was computed has no entry.
     pub step_data: &'a [StepData],
     /// Bodies and entries of `info` of the episodes of this round that have any to record, in (agent,
-    /// episode) order.
+    /// episode) order. Rank 0 has the bodies of all agents.
     pub details: &'a [EpisodeDetails],
     /// The threads among which a recorder may divide its work. What it records does not depend on them.
     pub workers: Workers<'a>,
@@ -107,8 +122,8 @@ pub struct RoundRecord<'a> {
 impl RoundRecord<'_> {
     /// Bodies and entries of `info` of an episode; `None` if it has none to record.
     #[must_use]
-    pub fn details_of(&self, episode: &Episode) -> Option<&EpisodeDetails> {
-        let key = (episode.agent, episode.episode);
+    pub fn details_of(&self, agent: u32, episode: u32) -> Option<&EpisodeDetails> {
+        let key = (agent, episode);
         let details_key = |details: &EpisodeDetails| (details.agent, details.episode);
         let index = self.details.binary_search_by_key(&key, details_key).ok()?;
         self.details.get(index)

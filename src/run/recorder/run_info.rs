@@ -3,6 +3,7 @@
 use seedbed_env::{Scene, TaskSpec};
 
 use super::BonusRange;
+use crate::run::ranks::Ranks;
 
 /// What a recording is about, which decides what the viewer shows first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,6 +27,8 @@ pub struct RunInfo<'a> {
     pub scene: Option<&'a Scene>,
     /// Number of agents K.
     pub agents: u32,
+    /// The processes over which the agents are divided.
+    pub ranks: Ranks,
     /// Range of the intrinsic rewards, if the agents have any.
     pub bonus: BonusRange,
     /// Maximum number of episodes per agent.

@@ -23,7 +23,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 pub use self::episode_warning::EpisodeWarning;
 pub use self::rollout::{PlayedEpisodes, RoundPlan};
 pub use self::trainer::{NonFinite, Round, RoundFailure, Trainer, TrainingSettings};
-pub use self::trainer_on_ranks::TrainerOnRanks;
+pub use self::trainer_on_ranks::{FollowingRecorders, RecordingOrder, TrainerOnRanks};
 
 /// A pool of this number of threads, which are named by their work; 0 is the number of cores.
 ///

@@ -1,8 +1,7 @@
 //! How ranks share the episodes of a round.
 //!
-//! Rank 0 gets all episodes, because it records them. Another rank gets those that its agents learn
-//! from; of the others it knows the length only. If some rank does not need all, each episode is sent
-//! to the ranks that need it.
+//! A rank gets those that its agents learn from; of the others it knows the length only. If some rank does
+//! not need all, each episode is sent to the ranks that need it.
 
 use std::collections::BTreeSet;
 
@@ -46,7 +45,7 @@ pub(super) fn share(
     let infos = ranks.all_gather(local_infos);
     let team_infos = infos.concat();
     let chosen = team.choose_episodes(&team_infos, round);
-    let needed = chosen.filter(|_| !ranks.is_first()).map(|chosen| {
+    let needed = chosen.map(|chosen| {
         let first = needs_first.then_some(0);
         chosen.into_iter().chain(first).collect::<BTreeSet<usize>>()
     });

@@ -1,18 +1,15 @@
 //! The summary of a run in training.
 
-use super::Trainer;
+use super::TrainerOnRanks;
 use crate::run::facts::{SolvedAt, Summary};
-use seedbed_learn::team::Workers;
 
 impl Summary {
     /// The summary of a run so far.
     #[must_use]
-    pub fn of(scenario: &str, seed: u64, trainer: &Trainer) -> Self {
-        let measures = trainer.measures();
-        let (threshold, visits) = (
-            trainer.threshold(),
-            measures.visit_statistics(Workers::CURRENT_THREAD),
-        );
+    pub fn of(scenario: &str, seed: u64, trainer: &TrainerOnRanks<'_>) -> Self {
+        let visits = trainer.visit_statistics();
+        let trainer = trainer.local();
+        let (measures, threshold) = (trainer.measures(), trainer.threshold());
         Self {
             scenario: scenario.to_owned(),
             environment: trainer.spec().name.clone(),
@@ -28,7 +25,7 @@ impl Summary {
             episodes_until_solved: threshold
                 .and_then(|threshold| measures.episodes_until(threshold)),
             final_return: measures.final_return(),
-            coverage: measures.coverage().collect(),
+            coverage: visits.coverage,
             team_coverage: Some(visits.team_coverage),
             visitation_entropy: visits.entropy,
             visitation_evenness: visits.evenness,

@@ -65,14 +65,13 @@ impl Team for TeamOnRanks {
         self.local.end_step(workers);
     }
 
-    /// The updates of all agents on rank 0, of the local agents on others.
+    /// The updates of the local agents.
     fn learn(&mut self, request: &LearningRequest<'_>, workers: Workers<'_>) -> Vec<AgentUpdate> {
-        let updates = self.local.learn(request, workers);
-        let is_model_shared = self.pass_on_model(workers);
-        let mut updates = self.ranks.gather_lists(updates);
-        if is_model_shared {
+        let mut updates = self.local.learn(request, workers);
+        if self.pass_on_model(workers) {
             let first = updates.first();
             let error = first.and_then(|first| first.update.report.prediction_error);
+            let error = self.ranks.broadcast(error);
             for update in &mut updates {
                 update.update.report.prediction_error = error;
             }

@@ -7,11 +7,13 @@ use serde::{Deserialize, Serialize};
 use super::remote_steps::RemoteRounds;
 use super::shared_episodes;
 use super::trainer::{Round, RoundFailure, Trainer};
+use crate::run::facts::EpisodeDetails;
+use crate::run::measures::VisitStatistics;
 use crate::run::ranks::Ranks;
 use seedbed_learn::nn::Tensor;
 
-/// The part of a run's trainer that is on this rank, with the environments of its local agents. Rank 0 has
-/// the measures, and gets the rows and the saved state of the whole team. A run in one process is on rank 0.
+/// The part of a run's trainer that is on this rank, with the environments of its local agents. Rank 0
+/// gets the rows and the saved state of the whole team. A run in one process is on rank 0.
 ///
 /// What needs all ranks is a function of this type, which lets the others do the same.
 pub struct TrainerOnRanks<'a> {
@@ -22,11 +24,43 @@ pub struct TrainerOnRanks<'a> {
     is_any_interrupted: bool,
 }
 
+/// What recorders on all ranks do next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum RecordingOrder {
+    /// Save their states; `at_end`: after they have written everything.
+    Checkpoint {
+        /// Whether the run ends, for now or for good.
+        at_end: bool,
+    },
+    /// Complete their files.
+    Finish,
+}
+
+/// The recorders of a rank other than 0.
+pub trait FollowingRecorders {
+    /// Why they cannot go on.
+    type Error: From<RoundFailure>;
+
+    /// Records what the local agents of a trainer did in a round.
+    ///
+    /// # Errors
+    /// It cannot be recorded.
+    fn record(&mut self, trainer: &Trainer, round: Round) -> Result<(), Self::Error>;
+
+    /// Carries out an order of rank 0.
+    ///
+    /// # Errors
+    /// It cannot be carried out.
+    fn obey(&mut self, order: RecordingOrder) -> Result<(), Self::Error>;
+}
+
 /// What all ranks do next.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 enum Order {
     Advance,
+    Record(RecordingOrder),
     Save,
+    VisitStatistics,
     Tensors { with_initial: bool },
     End,
 }
@@ -79,12 +113,17 @@ impl<'a> TrainerOnRanks<'a> {
     /// Carries out the orders of rank 0 until the run ends.
     ///
     /// # Errors
-    /// A number is not finite, or an environment cannot go on.
-    pub fn follow(mut self) -> Result<(), RoundFailure> {
+    /// A number is not finite, an environment cannot go on, or something cannot be recorded.
+    pub fn follow<R: FollowingRecorders>(mut self, recorders: &mut R) -> Result<(), R::Error> {
         loop {
             match self.ranks.broadcast(Order::End) {
-                Order::Advance => drop(self.advance_here()?),
+                Order::Advance => {
+                    let round = self.advance_here()?;
+                    recorders.record(&self.local, round)?;
+                }
+                Order::Record(order) => recorders.obey(order)?,
                 Order::Save => drop(self.save_here()),
+                Order::VisitStatistics => drop(self.local.visit_statistics()),
                 Order::Tensors { with_initial } => drop(self.tensors_here(with_initial)),
                 Order::End => return Ok(()),
             }
@@ -96,7 +135,12 @@ impl<'a> TrainerOnRanks<'a> {
         self.order(Order::End);
     }
 
-    /// Plays and learns for one round; see [`Trainer::advance`].
+    /// Lets the recorders on other ranks do what that of this one does next.
+    pub fn order_recorders(&self, order: RecordingOrder) {
+        self.order(Order::Record(order));
+    }
+
+    /// Plays and learns for one round; see [`Trainer::advance`]. The recorder of this rank must record it next.
     ///
     /// # Errors
     /// A number is not finite, or an environment cannot go on.
@@ -113,6 +157,13 @@ impl<'a> TrainerOnRanks<'a> {
     pub fn save(&self) -> Vec<u8> {
         self.order(Order::Save);
         self.save_here()
+    }
+
+    /// Statistics of the states that the team has visited so far.
+    #[must_use]
+    pub fn visit_statistics(&self) -> VisitStatistics {
+        self.order(Order::VisitStatistics);
+        self.local.visit_statistics()
     }
 
     /// The tensors of the whole team, optionally with the agent seeds; see [`Trainer::tensors`].
@@ -150,13 +201,10 @@ impl<'a> TrainerOnRanks<'a> {
         ranks.agree(added)?;
         let updates = trainer.learn_together(learned_before);
         ranks.agree(trainer.check_updates(&updates))?;
-        let details = ranks.gather_lists(played.details);
-        let agreement = trainer.bonus_agreement();
-        let round = if ranks.is_first() {
-            trainer.measure_round(updates, details, agreement)
-        } else {
-            Round::default()
-        };
+        let details = with_bodies_of_all(played.details, ranks);
+        // Only rank 0 knows the bonuses of all agents.
+        let agreement = ranks.broadcast(trainer.bonus_agreement());
+        let round = trainer.measure_round(updates, details, agreement);
         let is_done = ranks.broadcast(trainer.measures_say_done());
         trainer.end_round(is_done);
         let interrupted = self.interrupted.load(Ordering::Relaxed);
@@ -166,7 +214,8 @@ impl<'a> TrainerOnRanks<'a> {
 
     fn save_here(&self) -> Vec<u8> {
         let copies = self.ranks.gather_lists(self.local.save_copies());
-        self.local.save_with(copies)
+        let measures = self.local.measures().save(self.ranks);
+        self.local.save_with(copies, measures)
     }
 
     fn tensors_here(&self, with_initial: bool) -> Vec<Tensor<'_>> {
@@ -176,4 +225,15 @@ impl<'a> TrainerOnRanks<'a> {
         }
         tensors
     }
+}
+
+/// What is recorded of the local agents, on rank 0 with the bodies of all agents.
+fn with_bodies_of_all(mut local: Vec<EpisodeDetails>, ranks: Ranks) -> Vec<EpisodeDetails> {
+    let bodies = local.iter().filter(|details| !details.poses.is_empty());
+    let sent = bodies.filter(|_| !ranks.is_first()).cloned().collect();
+    let of_others = ranks.gather_lists(sent);
+    if ranks.is_first() {
+        local.extend(of_others);
+    }
+    local
 }

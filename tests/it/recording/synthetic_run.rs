@@ -1,6 +1,7 @@
 //! A synthetic run, with episodes that were not produced by training, as input for recorders.
 
 use seedbed::run::facts::{EpisodeDetails, EpisodeRow, RoundRow};
+use seedbed::run::ranks::Ranks;
 use seedbed::run::recorder::{BonusRange, Recorder, RoundRecord};
 use seedbed::run::recorder::{Focus, RunInfo};
 use seedbed_env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Status, TaskSpec};
@@ -62,6 +63,7 @@ impl SyntheticRun {
             spec: &self.spec,
             scene: Some(&self.scene),
             agents: self.agents,
+            ranks: Ranks::SINGLE,
             bonus: BonusRange::UpTo(0.01),
             max_episodes: self.rounds.len() as u32,
             run_seed: 7,

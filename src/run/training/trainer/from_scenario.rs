@@ -39,7 +39,7 @@ impl Trainer {
         let team = build_team(scenario, description.spec(), ranks);
         let team = team_on_ranks(team, ranks);
         let settings = TrainingSettings {
-            local_agents: Some(ranks.local_agents(scenario.agents.count.get())),
+            ranks,
             ..training_settings(scenario, threads)
         };
         Ok(Self::with_groups(environments, team, settings))
@@ -97,7 +97,7 @@ fn training_settings(scenario: &Scenario, threads: usize) -> TrainingSettings {
         transitions_kept: scenario.algorithm.transitions_kept(),
         compares_bonuses: scenario.algorithm.compares_bonuses(),
         threads,
-        local_agents: None,
+        ranks: Ranks::SINGLE,
     }
 }
 

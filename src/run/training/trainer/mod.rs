@@ -19,14 +19,15 @@ use super::episode_warning::EpisodeWarning;
 use super::rollout::CopyGroup;
 use super::thread_pool;
 use crate::run::facts::EpisodeDetails;
-use crate::run::measures::{Measures, RoundRows};
+use crate::run::measures::{Division, Measures, RoundRows, VisitStatistics};
+use crate::run::ranks::Ranks;
 use crate::scenario::recording::SceneSettings;
 use crate::scenario::{Schedule, Stop, Threshold};
 use seedbed_env::{Environment, Scene, TaskSpec};
 use seedbed_learn::experience::replay::Replay;
 use seedbed_learn::experience::{Episode, StepData};
 use seedbed_learn::nn::Tensor;
-use seedbed_learn::team::{LearningTeam, Team};
+use seedbed_learn::team::{LearningTeam, Team, Workers};
 
 /// The environments, team, shared buffer and measures of a run.
 ///
@@ -69,8 +70,8 @@ pub struct TrainingSettings {
     pub compares_bonuses: bool,
     /// Number of threads for updates; 0 is the number of cores. Results do not depend on it.
     pub threads: usize,
-    /// The agents that act and learn in this process; `None`: all.
-    pub local_agents: Option<Range<u32>>,
+    /// The processes over which the agents are divided.
+    pub ranks: Ranks,
 }
 
 impl Default for TrainingSettings {
@@ -83,7 +84,7 @@ impl Default for TrainingSettings {
             transitions_kept: 0,
             compares_bonuses: false,
             threads: 1,
-            local_agents: None,
+            ranks: Ranks::SINGLE,
         }
     }
 }
@@ -127,7 +128,7 @@ impl Trainer {
         team: Box<dyn Team>,
         settings: TrainingSettings,
     ) -> Self {
-        let local_agents = local_agents(&settings, &*team);
+        let local_agents = settings.ranks.local_agents(team.agent_count() as u32);
         let copies: usize = environments.iter().map(|group| group.copies()).sum();
         assert_eq!(copies, local_agents.len(), "each agent has one copy");
         let (spec, scene) = (environments[0].spec(), environments[0].scene());
@@ -155,7 +156,7 @@ impl Trainer {
         let agents = team.agent_count();
         let (threads, needs_pool) = (settings.threads, settings.threads != 1 && agents > 1);
         let mut trainer = Self {
-            measures: Measures::new(&spec, agents),
+            measures: Measures::on_ranks(&spec, agents, settings.ranks),
             spec,
             scene,
             rollout: None,
@@ -234,6 +235,25 @@ impl Trainer {
         self.team().agent_count()
     }
 
+    /// The agents that act and learn in this process.
+    pub(in crate::run::training) fn local_agents(&self) -> Range<u32> {
+        self.settings.ranks.local_agents(self.agent_count() as u32)
+    }
+
+    /// The threads of this process, and the processes of the run.
+    fn division(&self) -> Division<'_> {
+        Division {
+            workers: Workers::new(self.pool.as_ref()),
+            ranks: self.settings.ranks,
+        }
+    }
+
+    /// Statistics of the states that the team has visited so far, on rank 0.
+    #[must_use]
+    pub fn visit_statistics(&self) -> VisitStatistics {
+        self.measures.visit_statistics(self.division())
+    }
+
     /// The parameters of all networks, with names such as `agent_3.policy.layer_0.weight`; the
     /// names of models that agents share begin with `model_3.`, and those of a bonus model that the
     /// whole team shares with `team.`.
@@ -249,10 +269,13 @@ impl Trainer {
         self.team().initial_tensors()
     }
 
-    /// The newest round's episodes, in (agent, episode) order.
+    /// The newest round's episodes of the agents of this process, in (agent, episode) order.
     #[must_use]
     pub fn newest_episodes(&self) -> Vec<&Episode> {
-        self.learning.newest_episodes()
+        let local = self.local_agents();
+        let mut episodes = self.learning.newest_episodes();
+        episodes.retain(|episode| local.contains(&episode.agent));
+        episodes
     }
 
     /// The first thing in the run that the physics of its task cannot have computed well.
@@ -299,10 +322,4 @@ pub(super) fn number_agents(
         group
     };
     environments.into_iter().map(number).collect()
-}
-
-/// The agents that act and learn in this process.
-fn local_agents(settings: &TrainingSettings, team: &dyn Team) -> Range<u32> {
-    let local = settings.local_agents.clone();
-    local.unwrap_or(0..team.agent_count() as u32)
 }

@@ -1,8 +1,9 @@
 //! A round of a trainer: playing, learning and measuring.
 
 use super::round_failure::{RoundFailure, check_episode};
-use super::{Round, Trainer, TrainingSettings, local_agents};
+use super::{Round, Trainer, TrainingSettings};
 use crate::run::facts::EpisodeDetails;
+use crate::run::measures::Division;
 use crate::run::ranks::Ranks;
 use crate::run::training::asynchronous::{AsyncConfig, AsyncRollout};
 use crate::run::training::episode_warning::EpisodeWarning;
@@ -116,7 +117,8 @@ impl Trainer {
         round
     }
 
-    /// Measures a round. `bonus_agreement`: see [`bonus_agreement`](Self::bonus_agreement)
+    /// Measures a round, given the updates of the local agents. Only rank 0 has the rows. `bonus_agreement`: see
+    /// [`bonus_agreement`](Self::bonus_agreement)
     pub(in crate::run::training) fn measure_round(
         &mut self,
         updates: Vec<AgentUpdate>,
@@ -133,11 +135,16 @@ impl Trainer {
             step_data.extend(update.step_data);
         }
         step_data.sort_by_key(|data| (data.agent, data.episode));
-        let episodes = self.learning.newest_episodes();
-        let workers = Workers::new(self.pool.as_ref());
+        let local = self.local_agents();
+        let mut episodes = self.learning.newest_episodes();
+        episodes.retain(|episode| local.contains(&episode.agent));
+        let division = Division {
+            workers: Workers::new(self.pool.as_ref()),
+            ranks: self.settings.ranks,
+        };
         let rows = self
             .measures
-            .add_round(&self.spec, self.round, &episodes, &reports, workers);
+            .add_round(&self.spec, self.round, &episodes, &reports, division);
         Round {
             rows,
             step_data,
@@ -200,7 +207,7 @@ impl Trainer {
         &mut self,
         learned_before: u64,
     ) -> Vec<AgentUpdate> {
-        let agents = local_agents(&self.settings, self.team());
+        let agents = self.local_agents();
         let workers = Workers::new(self.pool.as_ref());
         self.learning
             .learn_together(agents, learned_before, self.round, workers)

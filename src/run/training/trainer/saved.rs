@@ -3,17 +3,17 @@
 use serde::{Deserialize, Serialize};
 
 use super::Trainer;
-use crate::run::measures::Measures;
+use crate::run::measures::SavedMeasures;
+use crate::run::ranks::Ranks;
 use crate::run::training::asynchronous::AsyncRollout;
 use crate::run::training::rollout::CopyGroup;
 use crate::scenario::Schedule;
 use seedbed_learn::experience::SharedBuffer;
 use seedbed_learn::team::SavedTeam;
 
-/// The state of a trainer that [`Trainer::save`] writes. `B`, `R` and `M` are borrowed when it is
-/// written.
+/// The state of a trainer that [`Trainer::save`] writes. `B` and `R` are borrowed when it is written.
 #[derive(Serialize, Deserialize)]
-struct Saved<B, R, M> {
+struct Saved<B, R> {
     round: u32,
     /// State of each copy.
     copies: Vec<Vec<u8>>,
@@ -21,7 +21,7 @@ struct Saved<B, R, M> {
     buffer: B,
     recorded: u64,
     rollout: R,
-    measures: M,
+    measures: SavedMeasures,
 }
 
 impl Trainer {
@@ -32,11 +32,15 @@ impl Trainer {
     /// Never: plain data always serializes.
     #[must_use]
     pub fn save(&self) -> Vec<u8> {
-        self.save_with(self.save_copies())
+        self.save_with(self.save_copies(), self.measures.save(Ranks::SINGLE))
     }
 
-    /// Like [`save`](Self::save), with the states of the copies of all agents.
-    pub(in crate::run::training) fn save_with(&self, copies: Vec<Vec<u8>>) -> Vec<u8> {
+    /// Like [`save`](Self::save), with the states of the copies and the measures of all agents.
+    pub(in crate::run::training) fn save_with(
+        &self,
+        copies: Vec<Vec<u8>>,
+        measures: SavedMeasures,
+    ) -> Vec<u8> {
         let (team, buffer, recorded) = self.learning.save(self.learned_by_all());
         let saved = Saved {
             round: self.round,
@@ -45,7 +49,7 @@ impl Trainer {
             buffer,
             recorded,
             rollout: &self.rollout,
-            measures: &self.measures,
+            measures,
         };
         let bytes = postcard::to_stdvec(&saved).expect("plain data always serializes");
         // Behind everything else: checkpoints of earlier versions end here.
@@ -70,7 +74,7 @@ impl Trainer {
     /// # Errors
     /// The bytes are damaged or belong to another scenario.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        type SavedTrainer = Saved<SharedBuffer, Option<AsyncRollout>, Measures>;
+        type SavedTrainer = Saved<SharedBuffer, Option<AsyncRollout>>;
         let (saved, rest): (SavedTrainer, &[u8]) =
             postcard::take_from_bytes(bytes).map_err(|error| error.to_string())?;
         let message = |error: postcard::Error| error.to_string();
@@ -89,7 +93,7 @@ impl Trainer {
         let (buffer, recorded) = (saved.buffer, saved.recorded);
         self.learning.restore(&saved.team, buffer, recorded)?;
         self.rollout = rollout;
-        self.measures = saved.measures;
+        self.measures.restore(saved.measures)?;
         self.round = saved.round;
         self.is_done = self.measures_say_done();
         Ok(())
