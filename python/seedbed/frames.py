@@ -53,6 +53,21 @@ def read_parquet(path: Path, frames: Frames, columns: Sequence[str] | None = Non
     return table.to_pandas(split_blocks=True) if frames == "pandas" else table
 
 
+def check_columns(path: Path, frames: Frames, columns: Sequence[str]) -> None:
+    """Raises a `ValueError` unless a Parquet file has these columns."""
+    if frames == "polars":
+        import polars
+
+        known = list(polars.read_parquet_schema(path))
+    else:
+        import pyarrow.parquet
+
+        known = pyarrow.parquet.read_schema(path).names
+    unknown = [column for column in columns if column not in known]
+    if unknown:
+        raise ValueError(f"there is no column {unknown[0]!r}, expected some of {', '.join(known)}")
+
+
 def read_csv(path: Path, frames: Frames) -> Any:
     """The frame of a CSV file; empty cells are missing."""
     if frames == "polars":

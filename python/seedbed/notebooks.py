@@ -62,6 +62,15 @@ class Figure(FilePath):
         return {kind: self.read_bytes(), "text/plain": repr(self)}
 
 
+class Film(FilePath):
+    """Path of a film, which notebooks show unless it is an MP4."""
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
+        kind = {".gif": "image/gif", ".png": "image/png"}.get(self.suffix)
+        shown: dict[str, Any] = {} if kind is None else {kind: self.read_bytes()}
+        return {**shown, "text/plain": repr(self)}
+
+
 class Text(str):
     """A text of several lines, which is shown as it is."""
 

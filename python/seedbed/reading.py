@@ -19,8 +19,8 @@ from . import exports, pages, programs
 from .checksums import verify
 from .errors import RunError
 from .exports import Content
-from .frames import Frames, choose, from_rows, read_parquet
-from .notebooks import Figure, Page
+from .frames import Frames, check_columns, choose, from_rows, read_parquet
+from .notebooks import Figure, Film, Page
 
 if TYPE_CHECKING:
     from ._native import Task
@@ -256,10 +256,13 @@ class Run:
 
         Raises:
             RunError: The file is missing, damaged, or shorter than the summary of the finished run says.
+            ValueError: There is no such column.
             ImportError: The library is not installed.
         """
         chosen = choose(frames or self.frames)
         path = self.parquet(content)
+        if columns is not None:
+            check_columns(path, chosen, columns)
         if columns is not None or chosen != choose(self.frames):
             return read_parquet(path, chosen, columns)
         known = self._tables.get(content)
@@ -404,6 +407,49 @@ class Run:
         options += [] if legend else ["--no-legend"]
         programs.call("plot", self.path, *(run.path for run in beside), "--out", out, *options)
         return Figure(out)
+
+    def film(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        agent: int = 0,
+        policy: int | None = None,
+        actions: Literal["sampled", "greedy"] | None = None,
+        seconds: float | None = None,
+        fps: int = 12,
+        width: int = 760,
+        scenes: int | None = None,
+    ) -> Film:
+        """Film the training, or a trained policy (`seedbed film`). Notebooks show the film.
+
+        Args:
+            path: The film: a GIF, an animated PNG, or an MP4 (needs ffmpeg); by default `film.gif`, or `policy.gif` of a policy,
+                in the folder of the run.
+            agent: Agent whose bodies are shown during the training.
+            policy: Agent whose trained policy plays new episodes; None films the training.
+            actions: How a policy chooses actions; by default as in training.
+            seconds: Duration; by default 12, or whole episodes of a policy.
+            fps: Frames per second.
+            width: Width in pixels.
+            scenes: Maximum number of episodes whose bodies are shown; by default 6, or 3 of a policy.
+
+        Returns:
+            Path of the film.
+
+        Raises:
+            InputError: An argument is invalid.
+            RunError: There is no recording, or it is damaged.
+
+        Example:
+            >>> run.film(policy=2, actions="greedy")  # doctest: +SKIP
+        """
+        name = "film.gif" if policy is None else "policy.gif"
+        out = Path(path) if path is not None else self._folder("place for a film") / name
+        given = {"--policy": policy, "--actions": actions, "--seconds": seconds, "--scenes": scenes}
+        options = [part for option, value in given.items() if value is not None for part in (option, str(value))]
+        options += [] if policy is not None else ["--agent", str(agent)]
+        programs.call("film", self.path, "--out", out, "--fps", str(fps), "--width", str(width), *options)
+        return Film(out)
 
     def to_html(self, path: str | os.PathLike[str]) -> Path:
         """Write the recording and the viewer into one page, which needs nothing but a browser.

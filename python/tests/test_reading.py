@@ -473,3 +473,20 @@ def test_the_command_of_the_program(monkeypatch: pytest.MonkeyPatch, tmp_path: P
 def test_lengths_of_figures_have_a_unit(cartpole_run: Path):
     with pytest.raises(TypeError, match='width is 8.4, expected a text with a unit, such as width="8.4cm"'):
         seedbed.load(cartpole_run).plot(width=8.4)  # type: ignore[arg-type]
+
+
+def test_films_of_training_and_of_a_policy(run_copy: Path):
+    run = seedbed.load(run_copy)
+    film = run.film(seconds=0.5, fps=4, width=300)
+    assert film == run_copy / "film.gif" and film.read_bytes().startswith(b"GIF8")
+    assert list(film._repr_mimebundle_()) == ["image/gif", "text/plain"]
+    policy = run.film(run_copy / "two.png", policy=1, actions="greedy", seconds=0.5, fps=4, width=300, scenes=1)
+    assert policy.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(seedbed.InputError, match="expected a file that ends in .gif, .png or .mp4"):
+        run.film(run_copy / "film.avi")
+
+
+@pytest.mark.parametrize("frames", ["polars", "pandas"])
+def test_columns_that_a_table_does_not_have(cartpole_run: Path, frames: str):
+    with pytest.raises(ValueError, match="there is no column 'nope', expected some of agent, episode, round, step, x, x_dot"):
+        seedbed.load(cartpole_run).table("states", ["agent", "nope"], frames=frames)  # type: ignore[arg-type]

@@ -1,6 +1,7 @@
 //! Arguments of the command line that do not exist: what is meant.
 
 use std::ffi::OsString;
+use std::io::IsTerminal;
 use std::path::Path;
 
 use clap::builder::StyledStr;
@@ -43,8 +44,43 @@ pub(super) fn parse() -> Cli {
             let tip = ContextValue::StyledStrs(vec![StyledStr::from(tip)]);
             error.insert(ContextKind::Suggested, tip);
         }
-        error.exit()
+        exit_with(&error)
     })
+}
+
+/// Prints an error and ends the process. What the standard library says of numbers is said in other words.
+fn exit_with(error: &clap::Error) -> ! {
+    let words = [
+        ("invalid digit found in string", "expected a whole number"),
+        (
+            "cannot parse integer from empty string",
+            "expected a whole number",
+        ),
+        (
+            "number too large to fit in target type",
+            "expected a smaller number",
+        ),
+        (
+            "number too small to fit in target type",
+            "expected a number that is not negative",
+        ),
+        ("invalid float literal", "expected a number"),
+    ];
+    let text = error.render();
+    let found = words
+        .iter()
+        .find(|(text_of_rust, _)| text.to_string().contains(text_of_rust));
+    let Some((text_of_rust, plain)) = found.filter(|_| error.kind() == ErrorKind::ValueValidation)
+    else {
+        error.exit()
+    };
+    let text = if std::io::stderr().is_terminal() {
+        text.ansi().to_string()
+    } else {
+        text.to_string()
+    };
+    eprint!("{}", text.replace(text_of_rust, plain));
+    std::process::exit(2)
 }
 
 fn parse_given(given: &[OsString]) -> Result<Cli, clap::Error> {

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use super::preview::task;
 use super::progress::PartsProgress;
 use super::{CliError, FloorArgs};
-use seedbed::input_files::{self, Directory};
 use seedbed::open_loop::{self, OpenLoopError, OpenLoopPlan, OpenLoopRun};
 use seedbed::storage;
 use seedbed_env::TaskDescription;
@@ -18,8 +18,7 @@ use seedbed_stats::bootstrap::bootstrap_estimate;
 const DEFAULT_EPISODES: u32 = 1000;
 
 pub(super) fn floor(args: &FloorArgs) -> Result<(), CliError> {
-    let path = input_files::find_argument(&args.environment, &[Directory::Environments])?;
-    let task = input_files::read_task(&path)?.0;
+    let task = task(&args.environment)?;
     let plan = plan(args, &task)?;
     say!(
         "{}: {} run seeds, {} episodes each; at the goal: a return of at least {}\n",

@@ -161,6 +161,7 @@ pub(super) fn read_gymnasium(
     folder: &Path,
     id: &str,
 ) -> Result<(String, Result<GymnasiumTask, InputError>), CliError> {
+    check_python_file(folder, id)?;
     let id = id_from(folder, id);
     // Paths that begin with `..` lead nowhere from a directory that does not exist.
     fs::create_dir_all(folder).map_err(|error| {
@@ -180,6 +181,22 @@ pub(super) fn read_gymnasium(
         }
         read => read,
     })
+}
+
+/// An error if an id names a Python file that exists neither in the working directory nor in `folder`.
+fn check_python_file(folder: &Path, id: &str) -> Result<(), CliError> {
+    let Some((file, _)) = id
+        .rsplit_once(':')
+        .filter(|(file, _)| file.ends_with(".py"))
+    else {
+        return Ok(());
+    };
+    if Path::new(file).is_file() || folder.join(file).is_file() {
+        return Ok(());
+    }
+    Err(CliError::Usage(format!(
+        "{GYMNASIUM}{id}: there is no file {file}"
+    )))
 }
 
 /// The id of an environment as a file in `folder` names it: a Python file is looked up from the working directory

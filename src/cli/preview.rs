@@ -85,7 +85,7 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
 }
 
 /// The task with this name or path, that of a scenario, or `gymnasium:ID`.
-fn task(argument: &Path) -> Result<TaskDescription, CliError> {
+pub(super) fn task(argument: &Path) -> Result<TaskDescription, CliError> {
     if let Some(id) = argument
         .to_str()
         .and_then(|text| text.strip_prefix(GYMNASIUM))
@@ -115,13 +115,18 @@ fn write_film(
 ) -> Result<(), CliError> {
     let spec = task.description.spec();
     let max_length = rows.iter().map(|row| row.length).max().unwrap_or(0);
-    let duration = f64::from(max_length) * spec.control_step * rows.len() as f64;
     let settings = FilmSettings {
         agent: 0,
-        seconds: Some(duration.clamp(1.0, MAX_SECONDS)),
+        seconds: None,
         frames_per_second: 12,
         width: 760,
         scenes: rows.len(),
+    };
+    let longest = settings.seconds_of_episode(f64::from(max_length) * spec.control_step);
+    let duration = longest * rows.len() as f64;
+    let settings = FilmSettings {
+        seconds: Some(duration.clamp(1.0, MAX_SECONDS)),
+        ..settings
     };
     let recording = RecordedStates::open(recording).map_err(LoadRunError::from)?;
     let filmed = Filmed {

@@ -165,6 +165,9 @@ enum Motion {
 /// Duration of the film of a training, s.
 const DEFAULT_SECONDS: f64 = 12.0;
 
+/// Time for which the last state of an episode is shown, s.
+const SECONDS_AT_END: f64 = 0.5;
+
 /// Width of a frame in its own unit of length: a CSS pixel, if frames have as many pixels.
 const FRAME_WIDTH: f64 = 760.0;
 
@@ -508,7 +511,14 @@ impl FilmSettings {
             steps_per_frame: self.steps_per_frame(spec),
             frames: self.frame_count(),
             control_step: spec.control_step,
+            frames_at_end: (SECONDS_AT_END * f64::from(self.frames_per_second)) as usize,
         }
+    }
+
+    /// Time in which a film shows a whole episode of this duration, s.
+    #[must_use]
+    pub fn seconds_of_episode(self, duration: f64) -> f64 {
+        duration + SECONDS_AT_END + 1.0 / f64::from(self.frames_per_second)
     }
 
     fn frame_count(self) -> usize {

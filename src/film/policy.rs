@@ -71,7 +71,8 @@ impl FilmSettings {
     /// Unless a duration is chosen, that of whole episodes, of which each is shown for the time of the longest.
     fn long_enough(self, episodes: &[Episode], control_step: f64) -> Self {
         let longest = episodes.iter().map(Episode::length).max().unwrap_or(0);
-        let whole = (longest + 1) as f64 * control_step * episodes.len() as f64;
+        let longest = self.seconds_of_episode(longest as f64 * control_step);
+        let whole = longest * episodes.len() as f64;
         Self {
             seconds: Some(self.seconds.unwrap_or(whole.clamp(1.0, MAX_SECONDS))),
             ..self

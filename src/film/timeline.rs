@@ -12,6 +12,8 @@ pub(super) struct Timeline {
     pub(super) frames: usize,
     /// Time between two states, s.
     pub(super) control_step: f64,
+    /// Number of frames for which the last state of an episode is shown, at most a third of the episode's.
+    pub(super) frames_at_end: usize,
 }
 
 /// An episode whose motion is shown.
@@ -57,10 +59,17 @@ impl Timeline {
         let first_frame = |index: usize| (index * self.frames).div_ceil(self.episodes.len());
         let steps = |frames: usize| (frames as f64 * self.steps_per_frame) as usize;
         let last = self.episodes[index].states - 1;
-        let start = last.saturating_sub(steps(first_frame(index + 1) - first_frame(index)));
+        let frames = first_frame(index + 1) - first_frame(index);
+        let moving = frames.saturating_sub(1 + self.frames_at_end.min(frames / 3));
+        let start = last.saturating_sub(steps(moving));
+        let state = if frame - first_frame(index) >= moving {
+            last
+        } else {
+            start + steps(frame - first_frame(index))
+        };
         Shown {
             index,
-            state: (start + steps(frame - first_frame(index))).min(last),
+            state: state.min(last),
         }
     }
 
@@ -117,7 +126,7 @@ mod tests {
     }
 
     /// Two episodes of 3 and 11 states in eight frames, with two steps per frame: the second is longer than its four
-    /// frames, so that its last eight steps are shown.
+    /// frames, so that its last six steps are shown.
     #[test]
     fn long_episodes_are_shown_at_their_end() {
         let timeline = Timeline {
@@ -125,6 +134,7 @@ mod tests {
             steps_per_frame: 2.0,
             frames: 8,
             control_step: 0.1,
+            frames_at_end: 0,
         };
         let shown = |frame| {
             let Shown { index, state } = timeline.shown_at(frame);
@@ -135,10 +145,10 @@ mod tests {
             (0, 2),
             (0, 2),
             (0, 2),
-            (9, 2),
             (9, 4),
             (9, 6),
             (9, 8),
+            (9, 10),
         ];
         assert_eq!((0..8).map(shown).collect::<Vec<_>>(), expected);
         // Halfway between the episodes 0 and 9 after two of four frames.
@@ -146,6 +156,26 @@ mod tests {
             [1, 3, 7].map(|frame| timeline.episode_at(frame, 20)),
             [4, 9, 20]
         );
+    }
+
+    /// Of ten steps in six frames, with three steps per frame, the last nine are shown, and the end in the last three frames: where
+    /// it ends, and two more. If the number of steps is no multiple of those of a frame, the end is shown as well.
+    #[test]
+    fn the_end_of_an_episode_is_shown_for_some_time() {
+        let states = |steps_per_frame, frames, frames_at_end| {
+            let timeline = Timeline {
+                episodes: vec![episode(0, 11)],
+                steps_per_frame,
+                frames,
+                control_step: 0.1,
+                frames_at_end,
+            };
+            let shown = (0..frames).map(|frame| timeline.shown_at(frame).state);
+            shown.collect::<Vec<_>>()
+        };
+        assert_eq!(states(3.0, 6, 2), [1, 4, 7, 10, 10, 10]);
+        assert_eq!(states(1.67, 7, 0), [0, 1, 3, 5, 6, 8, 10]);
+        assert_eq!(states(1.0, 2, 9), [9, 10]);
     }
 
     /// After three steps of 0.2 s with the rewards 4, −6 and 12.
@@ -156,6 +186,7 @@ mod tests {
             steps_per_frame: 1.0,
             frames: 4,
             control_step: 0.2,
+            frames_at_end: 0,
         };
         let caption = |state| timeline.caption(Shown { index: 0, state });
         assert_eq!(caption(0), "episode 7: 0.0 s, return 0.0");

@@ -38,6 +38,11 @@ impl Plan {
     /// # Errors
     /// The scenario or its task is damaged or was changed after the run began, or has a mistake.
     pub fn of_run(folder: &RunFolder) -> Result<Self, InputError> {
+        if folder.has_state_files() && !folder.scenario_file().is_file() {
+            let path = folder.path().display().to_string();
+            let message = "another program made this run: its policies and its scenario are not in the recording";
+            return Err(InputError::about(&path, message.to_owned()));
+        }
         Checksums::read(folder)?.verify_scenario()?;
         Self::load(&folder.scenario_file(), &[])
     }

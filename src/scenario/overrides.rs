@@ -143,11 +143,11 @@ mod tests {
         for (assignment, expected) in [
             (
                 "agents=(count: 2.0)",
-                "in `agents.count`: expected a whole number from 1 to 10000, found `2.0`\n  = help: write `2`",
+                "in `agents.count`: expected a whole number from 1 to 100000, found `2.0`\n  = help: write `2`",
             ),
             (
                 "agents=(count: -1)",
-                "in `agents.count`: expected a whole number from 1 to 10000, found -1",
+                "in `agents.count`: expected a whole number from 1 to 100000, found -1",
             ),
             (
                 "agents.count=99999999999999999999",
@@ -186,7 +186,13 @@ mod tests {
         );
         assert_eq!(
             error_message("agents.count=0"),
-            "--set agents.count=0: in `agents.count`: expected a whole number from 1 to 10000, found 0"
+            "--set agents.count=0: in `agents.count`: expected a whole number from 1 to 100000, found 0"
+        );
+        assert_eq!(
+            error_message("environment.kwargs.size=8"),
+            "--set environment.kwargs.size=8: in `environment.kwargs.size`: there is no field `kwargs` here: the value has no fields\n  \
+             = help: `environment` is the name of a task file, which has these settings; write the environment in its place to change \
+             them, such as --set 'environment=Gymnasium(id: \"file.py:Class\", kwargs: {\"size\": 8})'"
         );
         for (broken, reason) in [
             (

@@ -86,7 +86,7 @@ pub(super) fn apply_value<T: Resolve>(
             invalid(path, format!("{expected}: {reason}"), None)
         })?;
         let text = replace(&document.value.resolved(), path, value).map_err(|unknown| {
-            let (message, help) = explain(&unknown);
+            let (message, help) = explain(&unknown, path);
             invalid(path, message, help)
         })?;
         let parsed = seedbed_input::parse::<T>(&document.origin, text);
@@ -144,9 +144,21 @@ fn forms<T: Resolve>(path: &str) -> Option<String> {
     (!forms.is_empty()).then(|| format!("expected one of {}", quoted_list(forms)))
 }
 
-/// Message and help for a name that is not a field.
-fn explain(unknown: &UnknownField) -> (String, Option<String>) {
+/// Message and help for a name in `path` that is not a field.
+fn explain(unknown: &UnknownField, path: &str) -> (String, Option<String>) {
     let known = || unknown.known_fields.iter().map(String::as_str);
+    if unknown.known_fields.is_empty() {
+        let message = format!(
+            "there is no field `{}` here: the value has no fields",
+            unknown.name
+        );
+        let help = path.starts_with("environment.").then(|| {
+            "`environment` is the name of a task file, which has these settings; write the environment in its place to change \
+             them, such as --set 'environment=Gymnasium(id: \"file.py:Class\", kwargs: {\"size\": 8})'"
+                .to_owned()
+        });
+        return (message, help);
+    }
     let message = format!(
         "there is no field `{}` here, expected one of {}",
         unknown.name,

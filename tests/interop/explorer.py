@@ -210,6 +210,8 @@ def check_address(page: Page) -> None:
     expected = "These parts of the address mean nothing here: colors=agent · brush=speed:0:1 · agents=x · episodes=3 · axes=nothing here"
     assert page.find("#ignored").text == expected, page.find("#ignored").text
     assert page.run("return explorer.view.axes.map((a) => explorer.axes[a].name).join()") == "theta,x"
+    hidden = page.run("return explorer.axes.length") - 2
+    assert page.run("return explorer.axesSummary.textContent") == f"Axes ({hidden} hidden)"
     page.run("location.hash = arguments[0]", "brush=theta:-0.1:0.1&agents=0")
     WebDriverWait(page.browser, 60).until(lambda _: not page.find("#ignored").is_displayed())
     page.show("")
@@ -391,7 +393,7 @@ def check_films(browser: Browser, seedbed: str, folder: Path) -> None:
     titles = [option.text for option in Select(page.find(".filmed")).options]
     assert {title.split(", return")[0] for title in titles} == {f"agent {agent}, episode {episode}" for agent in (0, 1) for episode in (0, 1)}, titles
     names = lambda: page.run("return explorer.view.scatter.map((a) => axisTitle(explorer.axes[a]))")
-    assert names() == ["x (m)", "y (m)"]
+    assert names() == ["x [m]", "y [m]"]
     plots = "explorer.draw(); const { scatter } = explorer.panels[0], [x, y] = explorer.view.scatter.map((a) => explorer.axes[a]); const { left, top, width, height } = scatter.plots[0];"
     # The middle of the triangle between the corridors to the east and to the northeast is a wall, the corridor to the east is none.
     pixels = plots + """
@@ -487,7 +489,7 @@ def check_typed_ranges(page: Page, states: dict[str, np.ndarray]) -> None:
     x = page.run("return explorer.panels[0].x(arguments[0])", theta) - canvas.size["width"] / 2
     title = 30 - canvas.size["height"] / 2
     ActionChains(page.browser).move_to_element_with_offset(canvas, int(x), int(title)).double_click().perform()
-    assert page.run("return document.activeElement.getAttribute('aria-label')") == "theta (rad), from"
+    assert page.run("return document.activeElement.getAttribute('aria-label')") == "theta [rad], from"
     page.press("-0.05", Keys.TAB, "0.1", Keys.ENTER)
     assert brush() == written(-0.05, 0.1) and 0 < page.counts()[0] < everything[0], brush()
     inputs = lambda: page.run("return Array.from(document.querySelectorAll('#ranges input'), ({ value }) => value)")

@@ -2,7 +2,7 @@
 
 use super::font::{Weight, fit_text};
 use super::pair::is_to_scale;
-use super::panel_axes::TITLE_HEIGHT;
+use super::panel_axes::{TITLE_HEIGHT, draw_titles_of_row};
 use super::svg::{Anchor, Rect, SvgWriter, TextStyle};
 use super::{
     Curves, Drawing, Figure, HeatMap, Intervals, Key, NumberGrid, Panel, ParallelCoordinates,
@@ -256,6 +256,7 @@ impl Row {
             );
             x += width + GAP;
         }
+        draw_titles_of_row(svg);
         if let Some(key) = self.key.as_ref().filter(|_| shows_key) {
             let key_area = Rect {
                 x: panels_area.right() + GAP,
@@ -670,5 +671,39 @@ mod tests {
             figure_with_title("σ").png(1.0).unwrap(),
             figure_with_title("θ").png(1.0).unwrap()
         );
+    }
+
+    /// A title that is too wide for its panel makes those beside it as small.
+    #[test]
+    fn titles_of_a_row_have_one_size() {
+        let sizes = |titles: [&str; 2]| {
+            let panel = |title: &str| {
+                Panel::Curves(Curves {
+                    title: title.to_owned(),
+                    ..Curves::default()
+                })
+            };
+            let figure = Figure {
+                title: String::new(),
+                description: String::new(),
+                width: 400.0,
+                rows: vec![Row {
+                    height: 200.0,
+                    panels: titles.map(panel).to_vec(),
+                    key: None,
+                }],
+            };
+            let svg = figure.svg();
+            titles.map(|title| {
+                let end = svg.rfind(&format!(">{title}<")).unwrap();
+                let size = svg[..end].rfind("font-size=\"").unwrap() + 11;
+                svg[size..].split('"').next().unwrap().to_owned()
+            })
+        };
+        let [own, shared] = sizes(["own", "shared"]);
+        assert_eq!(own, shared);
+        let [beside, wide] = sizes(["own", "shared experience and RND"]);
+        assert_eq!(beside, wide);
+        assert!(beside.parse::<f64>().unwrap() < own.parse().unwrap());
     }
 }

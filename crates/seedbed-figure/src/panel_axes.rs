@@ -3,7 +3,7 @@
 use super::color::{AXIS_COLOR, GRID_COLOR, MUTED_COLOR};
 use super::font::{Weight, fit_text, text_width};
 use super::scale::Scale;
-use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
+use super::svg::{Anchor, PanelTitle, Rect, Stroke, SvgWriter, TextStyle};
 
 /// Font sizes.
 pub(super) const TITLE_SIZE: f64 = 13.0;
@@ -138,8 +138,11 @@ impl PanelAxes<'_> {
         }
         let label = fit_text(self.x_label, panel.width, LABEL_SIZE, Weight::Regular);
         if !label.is_empty() {
+            let half = text_width(&label, LABEL_SIZE, Weight::Regular) / 2.0;
+            let center = area.x + area.width / 2.0;
+            let center = center.min(panel.right() - half).max(panel.x + half);
             svg.text(
-                [area.x + area.width / 2.0, panel.bottom() - 7.0],
+                [center, panel.bottom() - 7.0],
                 &label,
                 TextStyle::new(LABEL_SIZE, Anchor::Middle),
             );
@@ -173,27 +176,48 @@ fn tick_count(length: f64, length_per_tick: f64) -> usize {
     ((length / length_per_tick) as usize).clamp(3, 8)
 }
 
-/// Draws the title of a panel, starting at `x`. A title that is too wide has a smaller font; if it
-/// is still too wide, it has two lines.
+/// Adds the title of a panel, starting at `x`.
 pub(super) fn draw_title(title: &str, panel: &Rect, x: f64, svg: &mut SvgWriter) {
-    let max_width = panel.right() - x;
-    let fits = |size: f64| text_width(title, size, Weight::Medium) <= max_width;
-    let (lines, size, first_baseline) = match (fits(TITLE_SIZE), fits(TICK_SIZE)) {
-        (true, _) => (vec![title.to_owned()], TITLE_SIZE, 14.0),
-        (_, true) => (vec![title.to_owned()], TICK_SIZE, 14.0),
-        _ => (
-            split_title(title, max_width, SMALL_TITLE_SIZE),
+    svg.add_title(|place| PanelTitle {
+        text: title.to_owned(),
+        x,
+        y: panel.y,
+        max_width: panel.right() - x,
+        place,
+    });
+}
+
+/// Draws the titles of the panels of a row, all with the largest font in which each of them fits; if none fits, in two
+/// lines.
+pub(super) fn draw_titles_of_row(svg: &mut SvgWriter) {
+    let titles = svg.take_titles();
+    let fit = |size: f64| {
+        titles
+            .iter()
+            .all(|title| text_width(&title.text, size, Weight::Medium) <= title.max_width)
+    };
+    let size = [TITLE_SIZE, TICK_SIZE].into_iter().find(|size| fit(*size));
+    // The last one first, so that the places of others do not change.
+    for title in titles.iter().rev() {
+        svg.insert_at(title.place, |svg| draw_title_with(title, size, svg));
+    }
+}
+
+/// Draws a title in one line of this size, or in two lines.
+fn draw_title_with(title: &PanelTitle, size: Option<f64>, svg: &mut SvgWriter) {
+    let (lines, size, first_baseline) = match size {
+        Some(size) => (vec![title.text.clone()], size, 14.0),
+        None => (
+            split_title(&title.text, title.max_width, SMALL_TITLE_SIZE),
             SMALL_TITLE_SIZE,
             8.0,
         ),
     };
-    for (line, text) in lines
-        .iter()
-        .enumerate()
-        .filter(|(_, text)| !text.is_empty())
-    {
-        let y = panel.y + first_baseline + (SMALL_TITLE_SIZE + 1.0) * line as f64;
-        svg.text([x, y], text, TextStyle::new(size, Anchor::Start).bold());
+    let lines = lines.iter().enumerate();
+    for (line, text) in lines.filter(|(_, text)| !text.is_empty()) {
+        let y = title.y + first_baseline + (SMALL_TITLE_SIZE + 1.0) * line as f64;
+        let style = TextStyle::new(size, Anchor::Start).bold();
+        svg.text([title.x, y], text, style);
     }
 }
 

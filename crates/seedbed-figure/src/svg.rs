@@ -134,6 +134,20 @@ impl TextStyle {
 pub(super) struct SvgWriter {
     theme: Theme,
     elements: String,
+    /// Titles of the panels of a row that are not drawn yet.
+    titles: Vec<PanelTitle>,
+}
+
+/// Title of a panel, which is drawn with those of the other panels of its row.
+#[derive(Debug)]
+pub(super) struct PanelTitle {
+    pub(super) text: String,
+    pub(super) x: f64,
+    /// Upper edge of the panel.
+    pub(super) y: f64,
+    pub(super) max_width: f64,
+    /// Length of the text before it.
+    pub(super) place: usize,
 }
 
 impl SvgWriter {
@@ -141,7 +155,24 @@ impl SvgWriter {
         Self {
             theme,
             elements: String::new(),
+            titles: Vec::new(),
         }
+    }
+
+    /// Keeps a title, given its place in the text.
+    pub(super) fn add_title(&mut self, title: impl FnOnce(usize) -> PanelTitle) {
+        self.titles.push(title(self.elements.len()));
+    }
+
+    pub(super) fn take_titles(&mut self) -> Vec<PanelTitle> {
+        std::mem::take(&mut self.titles)
+    }
+
+    /// Draws something at a place in the text.
+    pub(super) fn insert_at(&mut self, place: usize, draw: impl FnOnce(&mut Self)) {
+        let after = self.elements.split_off(place);
+        draw(self);
+        self.elements.push_str(&after);
     }
 
     /// Colors of the page.

@@ -78,10 +78,16 @@ impl<'a> Selection<'a> {
             StudyPlan::load(path, self.quick)?
         };
         if self.is_registered {
-            plan.registered().map_err(registration_error)
-        } else {
-            Ok(plan)
+            return plan.registered().map_err(registration_error);
         }
+        let lock = Lock::path(path);
+        if !self.before_results && !self.quick && lock.is_file() {
+            note!(
+                "note       these runs are not those that {} registers, which `study confirm` executes, and other commands mean with --registered",
+                lock.display()
+            );
+        }
+        Ok(plan)
     }
 }
 

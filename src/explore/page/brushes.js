@@ -101,7 +101,7 @@ function ticks({ low, high }, count) {
 
 /** Name of an axis with its unit. */
 function axisTitle(axis) {
-  return axis.unit ? `${axis.name} (${axis.unit})` : axis.name;
+  return axis.unit ? `${axis.name} [${axis.unit}]` : axis.name;
 }
 
 /** A list such as 0-2,5 of a set of numbers. */

@@ -35,7 +35,7 @@ class App {
 
   /** Axes of the scatter plot at first: the coordinates of the task, or the first two observations. */
   firstPair() {
-    const [x, y] = ["x (m)", "y (m)"].map((title) => this.axes.findIndex((axis) => axisTitle(axis) === title));
+    const [x, y] = ["x [m]", "y [m]"].map((title) => this.axes.findIndex((axis) => axisTitle(axis) === title));
     if (x >= 0 && y >= 0) return [x, y];
     return this.axes.length > 1 ? [0, 1] : [0, 0];
   }
@@ -170,6 +170,7 @@ class App {
     };
     this.axisBoxes = this.axes.map(box);
     byId("axes").replaceChildren(...this.axisBoxes);
+    this.axesSummary = byId("axes").previousElementSibling;
   }
 
   makeSlider() {
@@ -212,6 +213,8 @@ class App {
     [byId("from").value, byId("to").value] = [view.from, view.to];
     byId("episode-range").textContent = `${view.from} to ${view.to}` + (view.from > view.first || view.to < view.last ? ` (of ${view.first} to ${view.last})` : "");
     this.axisBoxes.forEach((box, a) => (box.firstChild.checked = view.axes.includes(a)));
+    const hidden = this.axes.length - view.axes.length;
+    this.axesSummary.textContent = hidden ? `Axes (${hidden} hidden)` : "Axes";
     byId("agent-list").value = view.agents ? formatList(view.agents) : "";
     this.updateChips();
     byId("key").replaceChildren(...legendOf(this));

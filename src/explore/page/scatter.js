@@ -126,7 +126,7 @@ class Scatter {
   /** The fixed bodies of the task, if the axes are its coordinates. */
   scenery() {
     const names = this.panel.app.view.scatter.map((a) => axisTitle(this.panel.app.axes[a]));
-    return names.join() === "x (m),y (m)" ? this.panel.run.scenery : [];
+    return names.join() === "x [m],y [m]" ? this.panel.run.scenery : [];
   }
 
   /** Places the plots in a grid in which they are as large as possible. */

@@ -164,7 +164,7 @@ fn absurd_sizes_are_refused() {
         (
             "cartpole",
             "agents.count=4294967296",
-            count("agents.count", 10_000, "4294967296"),
+            count("agents.count", 100_000, "4294967296"),
         ),
         (
             "cartpole_q",
@@ -202,6 +202,14 @@ fn absurd_numbers_are_refused() {
         (
             ["film", "recordings/sample", "--width", "1000000000"],
             "error: invalid value '1000000000' for '--width <N>': 1000000000 is not in 300..=4000\n",
+        ),
+        (
+            ["run", "cartpole", "--seed", "abc"],
+            "error: invalid value 'abc' for '--seed <N>': expected a whole number\n",
+        ),
+        (
+            ["run", "cartpole", "--seed", "99999999999999999999"],
+            "error: invalid value '99999999999999999999' for '--seed <N>': expected a smaller number\n",
         ),
     ] {
         let error = run_refused(&arguments);

@@ -92,3 +92,20 @@ fn floor_needs_a_goal_and_enough_episodes() {
         "error: --goal: expected a number\n"
     );
 }
+
+/// A scenario stands for its task.
+#[test]
+fn the_task_of_a_scenario_has_a_floor() {
+    let few = [
+        "--goal",
+        "30",
+        "--runs",
+        "1",
+        "--attempts",
+        "2",
+        "--episodes",
+        "2",
+    ];
+    let floor = |what: &str| run_successful(&[&["floor", what], &few[..]].concat());
+    assert_eq!(floor("scenarios/cartpole.ron"), floor("cartpole"));
+}

@@ -83,6 +83,22 @@ fn a_scenario_of_an_environment_that_cannot_be_tried_comes_with_a_warning() {
     assert!(said.contains("SEEDBED_PYTHON"), "{said}");
 }
 
+/// A typo leaves no file that would stand in the way of the right name.
+#[test]
+fn a_python_file_that_does_not_exist_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for kind in ["task", "scenario"] {
+        let arguments = ["new", kind, "mine", "--env", "gymnasium:nofile.py:Maze"];
+        let output = seedbed_in(folder.path(), &arguments);
+        assert_eq!(output.status.code(), Some(2));
+        assert_eq!(
+            stderr(&output),
+            "error: gymnasium:nofile.py:Maze: there is no file nofile.py\n"
+        );
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
 #[test]
 fn existing_files_are_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();

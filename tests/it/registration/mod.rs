@@ -173,6 +173,12 @@ fn a_registered_study_is_confirmed_with_run_seeds_from_its_lock() {
         "{listed}"
     );
     assert_eq!(listed.matches("finished").count(), 12);
+    let said = stderr(&fixture.study(&["list"]));
+    assert!(
+        said.starts_with("note       these runs are not those that ")
+            && said.contains("small.ron.lock"),
+        "{said}"
+    );
     // The same file is the same lock, and has no history.
     let again = fixture.succeed(&["register"]);
     assert!(

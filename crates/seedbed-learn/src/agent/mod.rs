@@ -110,7 +110,7 @@ pub const PROBE_STEPS: usize = 64;
 #[serde(default, deny_unknown_fields)]
 pub struct TeamConfig {
     /// Number of agents K.
-    pub count: Count<10_000>,
+    pub count: Count<100_000>,
     /// What each agent adds to rewards: by default numbers that are drawn once per run.
     pub seeds: Located<RewardSeeds>,
     /// How networks are initialized.
