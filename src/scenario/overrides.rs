@@ -151,7 +151,7 @@ mod tests {
             ),
             (
                 "agents.count=99999999999999999999",
-                "in `agents.count`: expected a whole number from 1 to 10000, found 99999999999999999999",
+                "in `agents.count`: expected a whole number from 1 to 100000, found 99999999999999999999",
             ),
             (
                 "agents.seeds=Normal(sigma: -1)",
