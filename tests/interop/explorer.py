@@ -270,7 +270,7 @@ def check_keyboard(page: Page) -> None:
             break
         reached.add(name)
     controls = {
-        "color", "clear", "theme", "Axes", "Share", "Help", "all-agents", "agent-list", "play", "from", "to", "Type a range",
+        "color", "clear", "theme", page.run("return explorer.axesSummary.textContent"), "Share", "Help", "all-agents", "agent-list", "play", "from", "to", "Type a range",
         "Horizontal axis of the scatter plot", "Vertical axis of the scatter plot", "Scatter plot per agent",
         "Filmed episode", "Play the film", "Step of the filmed episode",
     }
