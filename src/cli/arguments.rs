@@ -79,7 +79,7 @@ fn exit_with(error: &clap::Error) -> ! {
     } else {
         text.to_string()
     };
-    eprint!("{}", text.replace(text_of_rust, plain));
+    note!("{}", text.replace(text_of_rust, plain).trim_end());
     std::process::exit(2)
 }
 

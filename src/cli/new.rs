@@ -185,10 +185,8 @@ pub(super) fn read_gymnasium(
 
 /// An error if an id names a Python file that exists neither in the working directory nor in `folder`.
 fn check_python_file(folder: &Path, id: &str) -> Result<(), CliError> {
-    let Some((file, _)) = id
-        .rsplit_once(':')
-        .filter(|(file, _)| file.ends_with(".py"))
-    else {
+    let named = id.rsplit_once(':');
+    let Some((file, _)) = named.filter(|(file, _)| is_python_file(file)) else {
         return Ok(());
     };
     if Path::new(file).is_file() || folder.join(file).is_file() {
@@ -205,12 +203,15 @@ fn id_from(folder: &Path, id: &str) -> String {
     let Some((file, function)) = id.rsplit_once(':') else {
         return id.to_owned();
     };
-    let is_here =
-        Path::new(file).extension().is_some_and(|it| it == "py") && Path::new(file).is_file();
+    let is_here = is_python_file(file) && Path::new(file).is_file();
     match relative_from(folder, Path::new(file)) {
         Some(path) if is_here => format!("{}:{function}", path.display()),
         _ => id.to_owned(),
     }
+}
+
+fn is_python_file(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|it| it == "py")
 }
 
 /// The path of a file relative to a directory, both relative to the working directory.

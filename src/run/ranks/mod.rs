@@ -137,6 +137,7 @@ impl Ranks {
     }
 
     /// The bytes of all ranks, in their order, on rank 0; the rank's own bytes on others.
+    #[cfg(feature = "rerun")]
     #[must_use]
     pub(crate) fn gather_bytes(self, bytes: Vec<u8>) -> Vec<Vec<u8>> {
         if self.is_single() {
