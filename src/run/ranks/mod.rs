@@ -88,10 +88,12 @@ impl Ranks {
         if self.is_single() {
             return vec![value];
         }
-        measured(|| match calls::gather(&to_bytes(&value)) {
-            Some(gathered) => gathered.iter().map(|bytes| from_bytes(bytes)).collect(),
-            None => vec![value],
-        })
+        let gathered = self.gather_bytes(to_bytes(&value));
+        if self.is_first() {
+            gathered.iter().map(|bytes| decode(bytes)).collect()
+        } else {
+            vec![value]
+        }
     }
 
     /// The lists of all ranks, one after the other, on rank 0; the rank's own list on others.
@@ -137,7 +139,6 @@ impl Ranks {
     }
 
     /// The bytes of all ranks, in their order, on rank 0; the rank's own bytes on others.
-    #[cfg(feature = "rerun")]
     #[must_use]
     pub(crate) fn gather_bytes(self, bytes: Vec<u8>) -> Vec<Vec<u8>> {
         if self.is_single() {
@@ -259,6 +260,12 @@ fn to_bytes<T: Serialize>(value: &T) -> Vec<u8> {
 /// If the bytes are not those of [`to_bytes`], as if the ranks were of different builds.
 fn from_bytes<T: DeserializeOwned>(bytes: &[u8]) -> T {
     RECEIVED_BYTES.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+    decode(bytes)
+}
+
+/// # Panics
+/// As [`from_bytes`].
+fn decode<T: DeserializeOwned>(bytes: &[u8]) -> T {
     postcard::from_bytes(bytes).expect("all ranks run the same program")
 }
 
