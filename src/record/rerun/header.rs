@@ -4,7 +4,6 @@ use rerun::external::re_log_types::{SetStoreInfo, StoreInfo, StoreSource};
 use rerun::log::{LogMsg, RowId};
 
 use super::error::RecordingError;
-use super::rounds::encode;
 use super::run_constants::RunConstants;
 use super::samples::VisitationStyle;
 use super::scene::SceneWriter;
@@ -12,6 +11,7 @@ use super::{APPLICATION, RerunRecorder, RunInfo, Team, blueprint, description, q
 use crate::record::visitation::LineQuota;
 use crate::run::facts::EpisodeDetails;
 use crate::scenario::recording::RecordingSettings;
+use seedbed_learn::team::Workers;
 
 impl RerunRecorder {
     /// Writes all static data: properties, names, colors, shapes.
@@ -20,20 +20,13 @@ impl RerunRecorder {
         info: &RunInfo<'_>,
         settings: &RecordingSettings,
     ) -> Result<(), RecordingError> {
-        let (style, line_quota) = (&self.style, self.constants.line_quota);
+        let line_quota = self.constants.line_quota;
         if let Some(team) = &mut self.team {
-            team.write_header(info, settings, style, line_quota)?;
+            team.write_header(info, settings, &self.style, line_quota)?;
         }
-        let agents = self.agents.iter();
-        let styles = agents.map(|agent| agent.writers.styles(agent.number, style, line_quota));
-        let styles = styles.collect::<Result<Vec<_>, _>>()?.concat();
-        match &mut self.team {
-            Some(team) if !team.sink.has_no_index() => team.sink.send_chunks(&styles),
-            _ => {
-                let encoded = encode(&styles, &self.store_id)?;
-                self.send_to_file(&[encoded])
-            }
-        }
+        self.write_of_agents(Workers::CURRENT_THREAD, |agent, style| {
+            agent.writers.styles(agent.number, style, line_quota)
+        })
     }
 }
 

@@ -196,8 +196,7 @@ impl RerunRecorder {
         let paths = Paths::of(path);
         let resumed = State::from_bytes(bytes).and_then(|mut state| {
             check_clock(SystemTime::now())?;
-            let mut recorder = Self::new(paths.clone(), info, settings, &state)?;
-            recorder.restore(info, &mut state)?;
+            let mut recorder = Self::restored(paths.clone(), info, settings, &mut state)?;
             let sink = resume::reopen(&paths.part, &paths.done, info.ranks, &mut state)?;
             recorder.team = Some(Team::new(sink, info, settings, &recorder.style, state));
             Ok(recorder)
@@ -213,21 +212,16 @@ impl RerunRecorder {
         bytes: Option<&[u8]>,
     ) -> Result<Self, RecordError> {
         let paths = Paths::of(path);
-        let mut state = match bytes {
-            None => Ok(State::start(info)),
-            Some(bytes) => State::from_bytes(bytes),
+        let started = match bytes {
+            None => Self::new(paths.clone(), info, settings, &State::start(info)).and_then(
+                |mut recorder| {
+                    recorder.write_header(info, settings)?;
+                    Ok(recorder)
+                },
+            ),
+            Some(bytes) => State::from_bytes(bytes)
+                .and_then(|mut state| Self::restored(paths.clone(), info, settings, &mut state)),
         };
-        let started = state
-            .as_mut()
-            .map_err(|error| error.clone())
-            .and_then(|state| {
-                let mut recorder = Self::new(paths.clone(), info, settings, state)?;
-                match bytes {
-                    None => recorder.write_header(info, settings)?,
-                    Some(_) => recorder.restore(info, state)?,
-                }
-                Ok(recorder)
-            });
         started.map_err(|error| paths.error(Attempt::Resume, &error))
     }
 
@@ -275,11 +269,17 @@ impl RerunRecorder {
         })
     }
 
-    /// Restores the local agents.
-    fn restore(&mut self, info: &RunInfo<'_>, state: &mut State) -> Result<(), RecordingError> {
+    /// A recorder without a file, with the local agents of a checkpoint.
+    fn restored(
+        paths: Paths,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+        state: &mut State,
+    ) -> Result<Self, RecordingError> {
         state.check_team(info)?;
-        let (style, has_bonus) = (&self.style, info.bonus.exists());
-        for agent in &mut self.agents {
+        let mut recorder = Self::new(paths, info, settings, state)?;
+        let (style, has_bonus) = (&recorder.style, info.bonus.exists());
+        for agent in &mut recorder.agents {
             let number = agent.number as usize;
             agent.next_step = state.next_steps[number];
             let visits: AgentVisits = postcard::from_bytes(&state.visits[number])
@@ -290,7 +290,7 @@ impl RerunRecorder {
             agent.visits = visits;
         }
         state.visits.clear();
-        Ok(())
+        Ok(recorder)
     }
 
     /// The state of the recorder, on rank 0; nothing on others.

@@ -239,7 +239,7 @@ impl RerunRecorder {
         due: Due,
         workers: Workers<'_>,
     ) -> Result<(), RecordingError> {
-        self.write_agents(due, workers)?;
+        self.write_of_agents(workers, |agent, style| agent.writers.take(style, due))?;
         let (style, Some(team)) = (&self.style, &mut self.team) else {
             return Ok(());
         };
@@ -247,30 +247,27 @@ impl RerunRecorder {
         writers.write(style, due, &mut |chunk| sink.send_chunk(&chunk))
     }
 
-    /// Writes rows of agents. If the file has an index, rank 0 encodes them, otherwise all ranks and threads.
-    fn write_agents(&mut self, due: Due, workers: Workers<'_>) -> Result<(), RecordingError> {
-        let style = &self.style;
+    /// Writes `chunks` of each local agent. If the file has an index, rank 0 encodes them, otherwise all ranks and threads.
+    pub(super) fn write_of_agents(
+        &mut self,
+        workers: Workers<'_>,
+        chunks: impl Fn(&mut LocalAgent, &VisitationStyle) -> Result<Vec<Chunk>, RecordingError>
+        + Send
+        + Sync,
+    ) -> Result<(), RecordingError> {
+        let (style, store_id) = (&self.style, &self.store_id);
         if let Some(team) = &mut self.team
             && !team.sink.has_no_index()
         {
             let mut agents = self.agents.iter_mut();
-            return agents.try_for_each(|agent| {
-                let chunks = agent.writers.take(style, due)?;
-                team.sink.send_chunks(&chunks)
-            });
+            return agents.try_for_each(|agent| team.sink.send_chunks(&chunks(agent, style)?));
         }
-        let store_id = &self.store_id;
         let agents = self.agents.iter_mut().collect();
         let encoded = workers.map(agents, |agent: &mut LocalAgent| {
-            encode(&agent.writers.take(style, due)?, store_id)
+            encode(&chunks(agent, style)?, store_id)
         });
         let encoded: Vec<Vec<u8>> = encoded.into_iter().collect::<Result<_, _>>()?;
-        self.send_to_file(&encoded)
-    }
-
-    /// Writes encoded chunks of all ranks to the file, which has no index.
-    pub(super) fn send_to_file(&mut self, encoded: &[Vec<u8>]) -> Result<(), RecordingError> {
-        let all = self.ranks.gather_bytes(EncodedChunks::join(encoded));
+        let all = self.ranks.gather_bytes(EncodedChunks::join(&encoded));
         match &mut self.team {
             Some(Team { sink, .. }) => all
                 .iter()
@@ -323,7 +320,7 @@ impl RerunRecorder {
 }
 
 /// The messages of chunks.
-pub(super) fn encode(chunks: &[Chunk], store_id: &StoreId) -> Result<Vec<u8>, RecordingError> {
+fn encode(chunks: &[Chunk], store_id: &StoreId) -> Result<Vec<u8>, RecordingError> {
     if chunks.is_empty() {
         return Ok(Vec::new());
     }

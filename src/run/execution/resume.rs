@@ -66,10 +66,11 @@ impl RecordersToBegin {
 
     /// Factories with the states of their recorders. A recorder of a run to resume that has no factory is left out.
     fn with_states(self) -> impl Iterator<Item = (Box<dyn RecorderFactory>, Option<Vec<u8>>)> {
-        let is_new = self.states.is_none();
-        let states = self.states.into_iter().flatten().map(Some);
-        let none = std::iter::repeat_with(|| None).take_while(move |_| is_new);
-        self.factories.into_iter().zip(states.chain(none))
+        let states = match self.states {
+            Some(states) => states.into_iter().map(Some).collect(),
+            None => vec![None; self.factories.len()],
+        };
+        self.factories.into_iter().zip(states)
     }
 }
 

@@ -30,7 +30,7 @@ pub struct Measures {
     /// Number of the first local agent.
     first_agent: u32,
     /// `[local agents]`
-    agents: Vec<AgentVisits>,
+    agents: Vec<VisitsOfAgent>,
     cells: VisitedCells,
     /// Of the whole team, on rank 0 only.
     returns: TeamReturns,
@@ -38,7 +38,7 @@ pub struct Measures {
 
 /// The visits of one agent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct AgentVisits {
+struct VisitsOfAgent {
     all: Visitation,
     recent: RecentVisits,
     /// Share of cells that it was the first to visit.
@@ -133,7 +133,7 @@ impl Measures {
     #[must_use]
     pub fn on_ranks(spec: &TaskSpec, agents: usize, ranks: Ranks) -> Self {
         let local = ranks.local_agents(agents as u32);
-        let no_visits = AgentVisits {
+        let no_visits = VisitsOfAgent {
             all: Visitation::new(spec),
             recent: RecentVisits::new(spec),
             first_coverage: 0.0,
@@ -286,7 +286,7 @@ impl Measures {
         let local = saved.agents.get(first..first + self.agents.len());
         let local = local.ok_or("it has measures of fewer agents")?;
         for (agent, bytes) in self.agents.iter_mut().zip(local) {
-            let restored: AgentVisits =
+            let restored: VisitsOfAgent =
                 postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
             *agent = restored;
         }
@@ -335,7 +335,7 @@ impl Measures {
     /// Counts the states of a round. Returns the coverage of its agent after each episode.
     fn add_visits(&mut self, visits: &[Vec<StateBins>], workers: Workers<'_>) -> Vec<f64> {
         let agents = self.agents.iter_mut().zip(visits).collect();
-        let coverage = workers.map(agents, |(agent, visits): (&mut AgentVisits, _)| {
+        let coverage = workers.map(agents, |(agent, visits): (&mut VisitsOfAgent, _)| {
             let mut coverage = Vec::new();
             for states in visits {
                 agent.all.add(states);

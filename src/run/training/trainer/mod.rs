@@ -240,18 +240,11 @@ impl Trainer {
         self.settings.ranks.local_agents(self.agent_count() as u32)
     }
 
-    /// The threads of this process, and the processes of the run.
-    fn division(&self) -> Division<'_> {
-        Division {
-            workers: Workers::new(self.pool.as_ref()),
-            ranks: self.settings.ranks,
-        }
-    }
-
     /// Statistics of the states that the team has visited so far, on rank 0.
     #[must_use]
     pub fn visit_statistics(&self) -> VisitStatistics {
-        self.measures.visit_statistics(self.division())
+        self.measures
+            .visit_statistics(division(self.pool.as_ref(), &self.settings))
     }
 
     /// The parameters of all networks, with names such as `agent_3.policy.layer_0.weight`; the
@@ -272,10 +265,7 @@ impl Trainer {
     /// The newest round's episodes of the agents of this process, in (agent, episode) order.
     #[must_use]
     pub fn newest_episodes(&self) -> Vec<&Episode> {
-        let local = self.local_agents();
-        let mut episodes = self.learning.newest_episodes();
-        episodes.retain(|episode| local.contains(&episode.agent));
-        episodes
+        newest_episodes_of(&self.learning, self.local_agents())
     }
 
     /// The first thing in the run that the physics of its task cannot have computed well.
@@ -306,6 +296,21 @@ impl Trainer {
     pub fn replay_mut(&mut self) -> Option<&mut Replay> {
         self.learning.team_mut().replay_mut()
     }
+}
+
+/// The threads of this process, and the processes of the run.
+fn division<'a>(pool: Option<&'a ThreadPool>, settings: &TrainingSettings) -> Division<'a> {
+    Division {
+        workers: Workers::new(pool),
+        ranks: settings.ranks,
+    }
+}
+
+/// The newest round's episodes of these agents, in (agent, episode) order.
+fn newest_episodes_of(learning: &LearningTeam, agents: Range<u32>) -> Vec<&Episode> {
+    let mut episodes = learning.newest_episodes();
+    episodes.retain(|episode| agents.contains(&episode.agent));
+    episodes
 }
 
 /// Groups whose agents are numbered consecutively from `first_agent` on.

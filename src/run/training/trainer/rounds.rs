@@ -1,9 +1,8 @@
 //! A round of a trainer: playing, learning and measuring.
 
 use super::round_failure::{RoundFailure, check_episode};
-use super::{Round, Trainer, TrainingSettings};
+use super::{Round, Trainer, TrainingSettings, division, newest_episodes_of};
 use crate::run::facts::EpisodeDetails;
-use crate::run::measures::Division;
 use crate::run::ranks::Ranks;
 use crate::run::training::asynchronous::{AsyncConfig, AsyncRollout};
 use crate::run::training::episode_warning::EpisodeWarning;
@@ -135,13 +134,8 @@ impl Trainer {
             step_data.extend(update.step_data);
         }
         step_data.sort_by_key(|data| (data.agent, data.episode));
-        let local = self.local_agents();
-        let mut episodes = self.learning.newest_episodes();
-        episodes.retain(|episode| local.contains(&episode.agent));
-        let division = Division {
-            workers: Workers::new(self.pool.as_ref()),
-            ranks: self.settings.ranks,
-        };
+        let episodes = newest_episodes_of(&self.learning, self.local_agents());
+        let division = division(self.pool.as_ref(), &self.settings);
         let rows = self
             .measures
             .add_round(&self.spec, self.round, &episodes, &reports, division);
